@@ -1,0 +1,49 @@
+/// What a bake says of itself, beside its result (DESIGN section 2, Statistics).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "solver/check/check.h"
+#include "solver/parameters.h"
+#include "solver/scene/scene.h"
+#include "solver/solve/solution.h"
+
+namespace radbake {
+
+enum class StoppedBy { kError, kTimeBudget, kLimit };
+
+struct Statistics {
+  Parameters parameters;
+  struct {
+    std::size_t triangles = 0;
+    std::size_t patches = 0;
+    std::size_t materials = 0;
+    std::size_t lights = 0;  ///< emitting patches
+    std::vector<Ignored> ignored;
+  } scene;
+  std::vector<Iteration> iterations;
+  EnergyBalance energy;
+  double estimated_error = 0;           ///< the bake's own estimate of its relative RMS error
+  std::optional<CheckSummary> measured; ///< nothing: `check` was 0 or there was no time for it
+  std::vector<std::pair<std::string, double>> seconds;  ///< by phase, in the order they ran
+  std::size_t peak_bytes = 0;           ///< of the process
+  std::uint64_t rays = 0;               ///< of the bake, without the check's
+  double ray_seconds = 0;               ///< thread-seconds inside the ray tracer
+  struct {
+    std::size_t vertices = 0;
+    std::size_t triangles = 0;
+    double exposure = 0;
+  } output;
+  StoppedBy stopped_by = StoppedBy::kError;
+  std::vector<std::string> warnings;
+};
+
+nlohmann::json ToJson(const Statistics& statistics);
+
+}  // namespace radbake
