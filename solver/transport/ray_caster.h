@@ -16,11 +16,20 @@ using Corners = std::array<Vec3, 3>;
 
 /// Casts rays against a fixed set of triangles, which block from both sides. Thread-safe.
 ///
-/// Robust where surfaces touch: a triangle is hit only if its plane, in double precision, properly separates the
-/// two ends of the ray. A ray that starts or ends on a triangle, or in the plane of one, does not hit that
-/// triangle, whatever the rounding; so no ray needs an offset.
+/// Robust where surfaces touch: a triangle is hit only if its plane, in double precision, properly separates
+/// the two ends of the ray: both ends are further than kPlaneTolerance from it, on opposite sides. A ray that
+/// starts or ends on a triangle, or in the plane of one, does not hit that triangle, whatever the rounding;
+/// so no ray needs an offset. Neighbours whose shared corners are equal do not let a ray through between
+/// them.
+///
+/// Not promised: which of two surfaces a few kPlaneTolerance apart Closest() finds, and what a ray does that
+/// passes within about kPlaneTolerance of a triangle's free edge, since Embree works in single precision.
 class RayCaster {
  public:
+  /// What lies this near to a plane lies in it. Above the rounding of single-precision coordinates, which is
+  /// what coincident surfaces of a glTF scene differ by; a tenth of a millimetre in a scene of a kilometre.
+  static constexpr double kPlaneTolerance = 1e-7;
+
   /// Triangles should be about unit size around the origin. Degenerate ones are never hit.
   explicit RayCaster(std::span<const Corners> triangles);
   ~RayCaster();
