@@ -4,15 +4,15 @@
 #include <cstddef>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
-#include <string>
+#include <span>
 #include <string_view>
 
 namespace radbake {
 
 enum class Method { kHierarchical, kAdaptive };
 
-/// How the irradiance of the output is made. kOff: averages of the elements' own; kOn, kAuto: gathered anew at
-/// each vertex from the links of the hierarchy.
+/// How the irradiance of the output is made. kOff: averages of the elements' own; kOn, kAuto: gathered anew
+/// at each vertex from the links of the hierarchy.
 enum class FinalGather { kAuto, kOn, kOff };
 
 struct OracleParameters {
@@ -25,20 +25,39 @@ struct OracleParameters {
 };
 
 struct Parameters {
-  double error = 0.02;                 ///< 0.001 to 0.5: target of the relative RMS error
-  std::optional<double> time_budget;   ///< seconds, above 0
+  double error = 0.02;                ///< 0.001 to 0.5: target of the relative RMS error
+  std::optional<double> time_budget;  ///< seconds, above 0
   Method method = Method::kAdaptive;
   FinalGather final_gather = FinalGather::kAuto;
-  std::optional<double> exposure;      ///< nothing: auto
-  OracleParameters oracle;             ///< nothing: from `error`
-  std::size_t check = 256;             ///< probes, 0 to 1,000,000; 0: no check
+  std::optional<double> exposure;  ///< nothing: auto
+  OracleParameters oracle;         ///< nothing: from `error`
+  std::size_t check = 256;         ///< probes, 0 to 1,000,000; 0: no check
 };
 
-/// Parses and validates. Throws InputError that names the key and what it takes: an unknown key, a wrong type, a
-/// value out of range or one that is not built yet, bad JSON, a duplicate key, nesting deeper than the contract's.
+/// One key of the contract's table, the only description of it: JSON, flags, help and errors come from here.
+struct ParameterSpec {
+  std::string_view key;    ///< dotted where the JSON nests: "output.kind" is {"output": {"kind": …}}
+  std::string_view takes;  ///< the values it takes, for messages: "a number from 0.001 to 0.5"
+  std::string_view means;  ///< one line of help
+  /// Stores the value; false (and nothing stored) if it is not one that the key takes.
+  bool (*read)(const nlohmann::json& value, Parameters& parameters);
+  /// The value, resolved; null where the bake chooses or there is none.
+  nlohmann::json (*write)(const Parameters& parameters);
+};
+
+/// Every key, in the order of the contract's table.
+std::span<const ParameterSpec> ParameterSpecs();
+
+/// Parses and validates a JSON object of at most 64 KiB; a key that is absent keeps its default. Throws
+/// InputError of one line that names the key and what it takes: an unknown or a duplicate key, a wrong type,
+/// a value out of range or one that is not built yet, text that is not JSON, nesting deeper than eight.
 Parameters ParseParameters(std::string_view json);
 
-/// The same keys, resolved: what the statistics show.
-nlohmann::json ToJson(const Parameters& parameters);
+/// Sets one key from a flag's text: JSON, or a bare word for a string (`adaptive`). Throws InputError as
+/// above.
+void SetParameter(std::string_view key, std::string_view text, Parameters& parameters);
+
+/// The same keys, resolved: what the statistics show. ParseParameters takes it back.
+nlohmann::ordered_json ToJson(const Parameters& parameters);
 
 }  // namespace radbake

@@ -29,12 +29,12 @@ struct Statistics {
   } scene;
   std::vector<Iteration> iterations;
   EnergyBalance energy;
-  double estimated_error = 0;           ///< the bake's own estimate of its relative RMS error
-  std::optional<CheckSummary> measured; ///< nothing: `check` was 0 or there was no time for it
+  double estimated_error = 0;            ///< the bake's own estimate of its relative RMS error
+  std::optional<CheckSummary> measured;  ///< nothing: `check` was 0 or there was no time for it
   std::vector<std::pair<std::string, double>> seconds;  ///< by phase, in the order they ran
-  std::size_t peak_bytes = 0;           ///< of the process
-  std::uint64_t rays = 0;               ///< of the bake, without the check's
-  double ray_seconds = 0;               ///< thread-seconds inside the ray tracer
+  std::size_t peak_bytes = 0;                           ///< of the process
+  std::uint64_t rays = 0;                               ///< of the bake, without the check's
+  double ray_seconds = 0;                               ///< thread-seconds inside the ray tracer
   struct {
     std::size_t vertices = 0;
     std::size_t triangles = 0;
@@ -44,6 +44,17 @@ struct Statistics {
   std::vector<std::string> warnings;
 };
 
-nlohmann::json ToJson(const Statistics& statistics);
+/// {version, parameters, scene {triangles, patches, materials, lights, ignored [{feature, reason}]},
+///  iterations [see below], energy {emitted, absorbed, absorbed_by_backs, escaped: [r, g, b] in lm;
+///  imbalance}, error {estimated, measured: see below, or null}, time {each phase and total: s}, memory
+///  {peak_bytes}, rays {count, seconds}, output {vertices, triangles, exposure: per cd/m²}, stopped_by
+///  "error" | "time_budget" | "limit", warnings [string]}
+nlohmann::ordered_json ToJson(const Statistics& statistics);
+
+/// {pass, sweeps, residual, elements, links, rays, seconds}
+nlohmann::ordered_json ToJson(const Iteration& iteration);
+
+/// {relative_rms, low, high, bias, bias_interval, missing, probes, rays, noise}: shares, not percent.
+nlohmann::ordered_json ToJson(const CheckSummary& summary);
 
 }  // namespace radbake
