@@ -85,7 +85,7 @@ Json WriteNothing(const Parameters&) {
 }
 
 constexpr std::string_view kShare = "a number above 0 and below 1, or null for one that follows from error";
-constexpr std::string_view kNoImages = "no value yet: it belongs to lightmap and texture output";
+constexpr std::string_view kNoImages = "no value yet (it belongs to lightmap and texture output)";
 
 constexpr std::array kSpecs{
     ParameterSpec{"error", "a number from 0.001 to 0.5",
