@@ -27,11 +27,11 @@ struct Material {
 struct Surface {
   std::string name;  ///< for messages: node, mesh and primitive
   Index material = 0;
-  std::vector<Vec3> positions;  ///< world space, metres
-  std::vector<Vec3> normals;    ///< world space, unit length, one a vertex; or empty: flat shading
+  std::vector<Vec3> positions;      ///< world space, metres
+  std::vector<Vec3> normals;        ///< world space, unit length, one a vertex; or empty: flat shading
   std::vector<Triangle> triangles;  ///< counter-clockwise from the front, in world space (mirroring undone)
-  /// Everything else that is interpolated over the surface (texture coordinates, colours, …), `attribute_width`
-  /// floats a vertex; triangles merge into a patch only where these are affine over it.
+  /// Everything else that is interpolated over the surface (texture coordinates, colours, …),
+  /// `attribute_width` floats a vertex; triangles merge into a patch only where these are affine over it.
   std::vector<float> attributes;
   std::size_t attribute_width = 0;
 };

@@ -18,7 +18,9 @@ using Vec3 = Eigen::Vector3d;
 using Rgb = Eigen::Array3d;
 
 /// Rec. 709 luminance of a linear RGB triple.
-inline double Luminance(const Rgb& rgb) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
+inline double Luminance(const Rgb& rgb) {
+  return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+}
 
 /// Index of a vertex, triangle, patch or element in its array.
 using Index = std::uint32_t;
