@@ -1,0 +1,71 @@
+/// The element hierarchy: over every patch a quadtree of elements, sharing corners with their neighbours.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+#include "solver/scene/patches.h"
+#include "solver/scene/polygon.h"
+
+namespace radbake {
+
+/// A node of a patch's quadtree. A triangle divides at its edges' midpoints into three corner children (child
+/// k holds corner k) and the middle one; a quadrilateral bilinearly into four, child k holding corner k.
+struct Element {
+  std::array<Index, 4> corner{kNone, kNone, kNone, kNone};  ///< vertices; corner[3] is kNone for a triangle
+  Index patch = 0;
+  Index parent = kNone;
+  Index first_child = kNone;  ///< four in a row, or kNone: a leaf
+  std::uint32_t level = 0;
+  double area = 0;  ///< normalised
+
+  int CornerCount() const { return corner[3] == kNone ? 3 : 4; }
+  bool IsLeaf() const { return first_child == kNone; }
+};
+
+/// Elements, and the vertices they meet in. A *position* is a place; a *vertex* is a place on one smooth or
+/// flat surface, where irradiance is continuous: at a crease several vertices share a position. An edge that
+/// two elements share has one midpoint, so that neighbours never disagree by a bit.
+///
+/// Elements 0 to patches.size() − 1 are the roots, in the patches' order. Divide() is for one thread at a
+/// time; everything const may be called concurrently between divisions.
+class Hierarchy {
+ public:
+  explicit Hierarchy(const Patches& patches);
+
+  const Patches& patches() const { return patches_; }
+  const Patch& PatchOf(Index element) const { return patches_.patches[elements_[element].patch]; }
+  std::size_t size() const { return elements_.size(); }
+  std::size_t root_count() const { return patches_.patches.size(); }
+  const Element& operator[](Index element) const { return elements_[element]; }
+  Polygon Shape(Index element) const;
+
+  /// Divides a leaf into its four children and returns the first. No effect on one that is divided already.
+  Index Divide(Index element);
+
+  std::size_t vertex_count() const { return position_of_.size(); }
+  const Vec3& Point(Index vertex) const { return positions_[position_of_[vertex]]; }
+  Index PositionOf(Index vertex) const { return position_of_[vertex]; }
+
+  /// The position halfway between two, if some element has been divided there; else kNone.
+  Index FindMidpoint(Index position_a, Index position_b) const;
+  /// The vertex halfway between two vertices of one surface, made if it is not there yet.
+  Index MidVertex(Index vertex_a, Index vertex_b);
+
+ private:
+  Index AddPosition(const Vec3& point);
+  Index AddVertex(Index position);
+  void WeldCorners();
+  Index AddChild(Index parent, const std::array<Index, 4>& corner);
+
+  const Patches& patches_;
+  std::vector<Element> elements_;
+  std::vector<Vec3> positions_;
+  std::vector<Index> position_of_;
+  std::unordered_map<std::uint64_t, Index> mid_position_;
+  std::unordered_map<std::uint64_t, Index> mid_vertex_;
+};
+
+}  // namespace radbake
