@@ -1,0 +1,220 @@
+#include "solver/transport/form_factor.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <span>
+#include <utility>
+
+namespace radbake {
+namespace {
+
+constexpr double kTwoPi = 2 * std::numbers::pi;
+
+struct GaussPoint {
+  double node;  // in [0, 1]
+  double weight;
+};
+
+/// Gauss-Legendre rules of 1 to kMaxOrder points on [0, 1], from Newton's method on the Legendre polynomials.
+class GaussRules {
+ public:
+  static constexpr int kMaxOrder = 16;
+
+  GaussRules() {
+    for (int n = 1; n <= kMaxOrder; ++n) {
+      for (int k = 0; k < n; ++k) {
+        double x = std::cos(std::numbers::pi * (k + 0.75) / (n + 0.5));
+        double slope = 0;
+        for (int step = 0; step < 100; ++step) {
+          double p0 = 1;
+          double p1 = x;
+          for (int m = 2; m <= n; ++m) {
+            p0 = std::exchange(p1, ((2 * m - 1) * x * p1 - (m - 1) * p0) / m);
+          }
+          slope = n * (x * p1 - p0) / (x * x - 1);
+          const double move = p1 / slope;
+          x -= move;
+          if (std::abs(move) < 1e-16) {
+            break;
+          }
+        }
+        At(n)[static_cast<std::size_t>(k)] = {0.5 * (1 - x), 1 / ((1 - x * x) * slope * slope)};
+      }
+    }
+  }
+
+  std::span<const GaussPoint> operator[](int n) const {
+    return {rules_[static_cast<std::size_t>(n)].data(), static_cast<std::size_t>(n)};
+  }
+
+ private:
+  std::array<GaussPoint, kMaxOrder>& At(int n) { return rules_[static_cast<std::size_t>(n)]; }
+  std::array<std::array<GaussPoint, kMaxOrder>, kMaxOrder + 1> rules_{};
+};
+
+const GaussRules kGauss;
+
+struct Edge {
+  Vec3 start;
+  Vec3 direction;  // unit
+  double length;
+};
+
+/// ∫_0^L ln|p − (start + t·direction)| dt.
+double LogIntegral(const Vec3& p, const Edge& edge) {
+  const Vec3 from = edge.start - p;
+  const double u0 = from.dot(edge.direction);
+  const double u1 = u0 + edge.length;
+  const double h2 = std::max(0.0, from.squaredNorm() - u0 * u0);
+  const double h = std::sqrt(h2);
+  const double r0 = h2 + u0 * u0;
+  const double r1 = h2 + u1 * u1;
+  const double log_part = (r1 > 0 ? u1 * std::log(r1) : 0) - (r0 > 0 ? u0 * std::log(r0) : 0);
+  return 0.5 * log_part - edge.length + h * std::atan2(h * edge.length, h2 + u0 * u1);
+}
+
+double PointSegmentDistance(const Vec3& p, const Edge& edge) {
+  const double t = std::clamp((p - edge.start).dot(edge.direction), 0.0, edge.length);
+  return (edge.start + t * edge.direction - p).norm();
+}
+
+double SegmentDistance(const Edge& a, const Edge& b) {
+  // Ericson 2005, section 5.1.9, for unit directions.
+  const Vec3 r = a.start - b.start;
+  const double cosine = a.direction.dot(b.direction);
+  const double c = a.direction.dot(r);
+  const double f = b.direction.dot(r);
+  const double denominator = 1 - cosine * cosine;
+  double s = denominator > 1e-12 ? std::clamp((cosine * f - c) / denominator, 0.0, a.length) : 0;
+  const double t = std::clamp(cosine * s + f, 0.0, b.length);
+  s = std::clamp(cosine * t - c, 0.0, a.length);
+  return (a.start + s * a.direction - b.start - t * b.direction).norm();
+}
+
+/// ∫ over `outer` of LogIntegral(·, inner). The integrand is analytic but where `outer` comes close to the
+/// ends of `inner`, or to `inner` itself if they are not parallel: halved until the distance is as large as
+/// the piece, the rule converges geometrically.
+double EdgePairIntegral(const Edge& outer, const Edge& inner, bool parallel, int depth) {
+  double distance = 0;
+  if (parallel) {
+    distance = std::min(PointSegmentDistance(inner.start, outer),
+                        PointSegmentDistance(inner.start + inner.length * inner.direction, outer));
+  } else {
+    distance = SegmentDistance(outer, inner);
+  }
+  constexpr int kMaxDepth = 40;
+  if (distance < outer.length && depth < kMaxDepth) {
+    const double half = 0.5 * outer.length;
+    return EdgePairIntegral({outer.start, outer.direction, half}, inner, parallel, depth + 1) +
+           EdgePairIntegral({outer.start + half * outer.direction, outer.direction, half}, inner, parallel,
+                            depth + 1);
+  }
+  // An n-point rule errs by ρ^(−2n), ρ the sum of the semi-axes of the largest ellipse of analyticity; the
+  // terms of the contour cancel down to about (length/distance)² of their size.
+  const double ratio = depth < kMaxDepth ? 2 * distance / outer.length : 2;
+  const double rho = ratio + std::sqrt(1 + ratio * ratio);
+  const int n =
+      std::clamp(static_cast<int>(std::ceil((0.5 * std::log(1e9) + std::log(ratio)) / std::log(rho))), 3,
+                 GaussRules::kMaxOrder);
+  double sum = 0;
+  for (const GaussPoint& point : kGauss[n]) {
+    sum += point.weight * LogIntegral(outer.start + point.node * outer.length * outer.direction, inner);
+  }
+  return sum * outer.length;
+}
+
+int MakeEdges(const Polygon& polygon, std::array<Edge, 7>& edges) {
+  int count = 0;
+  for (int k = 0; k < polygon.count; ++k) {
+    const Vec3 along = polygon[(k + 1) % polygon.count] - polygon[k];
+    const double length = along.norm();
+    if (length > 0) {
+      edges[static_cast<std::size_t>(count++)] = {polygon[k], along / length, length};
+    }
+  }
+  return count;
+}
+
+/// How far the polygon reaches in front of the plane, and behind it.
+struct Extent {
+  double front = 0;
+  double behind = 0;
+};
+
+Extent ExtentOver(const Polygon& polygon, const Plane& plane) {
+  Extent extent;
+  for (int k = 0; k < polygon.count; ++k) {
+    const double d = plane.Distance(polygon[k]);
+    extent.front = std::max(extent.front, d);
+    extent.behind = std::max(extent.behind, -d);
+  }
+  return extent;
+}
+
+// Distances to a plane below this are rounding of unit-sized coordinates: the polygons touch or are coplanar.
+constexpr double kOnPlane = 1e-12;
+
+/// Clips to the front of the plane where there is something to clip. False if nothing is in front.
+bool KeepFront(Polygon& polygon, const Plane& plane) {
+  const Extent extent = ExtentOver(polygon, plane);
+  if (extent.front <= kOnPlane) {
+    return false;
+  }
+  if (extent.behind > kOnPlane) {
+    polygon = ClipToFront(polygon, plane);
+  }
+  return polygon.count >= 3;
+}
+
+}  // namespace
+
+double PointToPolygon(const Vec3& x, const Vec3& n, const Polygon& polygon) {
+  if (PlaneOf(polygon).Distance(x) <= 0) {
+    return 0;
+  }
+  Polygon visible = polygon;
+  if (!KeepFront(visible, {n, n.dot(x)})) {
+    return 0;
+  }
+  double sum = 0;
+  Vec3 u = visible[visible.count - 1] - x;
+  for (int k = 0; k < visible.count; ++k) {
+    const Vec3 v = visible[k] - x;
+    const Vec3 normal = v.cross(u);
+    const double sine = normal.norm();
+    if (sine > 0) {
+      sum += std::atan2(sine, u.dot(v)) / sine * normal.dot(n);
+    }
+    u = v;
+  }
+  return std::clamp(sum / kTwoPi, 0.0, 1.0);
+}
+
+double ExchangeArea(const Polygon& i, const Polygon& j) {
+  Polygon front_i = i;
+  Polygon front_j = j;
+  if (!KeepFront(front_i, PlaneOf(j)) || !KeepFront(front_j, PlaneOf(i))) {
+    return 0;
+  }
+  std::array<Edge, 7> edges_i;
+  std::array<Edge, 7> edges_j;
+  const int count_i = MakeEdges(front_i, edges_i);
+  const int count_j = MakeEdges(front_j, edges_j);
+  double sum = 0;
+  for (const Edge& a : std::span(edges_i.data(), static_cast<std::size_t>(count_i))) {
+    for (const Edge& b : std::span(edges_j.data(), static_cast<std::size_t>(count_j))) {
+      const double cosine = a.direction.dot(b.direction);
+      if (std::abs(cosine) > 1e-15) {
+        const bool parallel = std::abs(cosine) > 1 - 1e-12;
+        // The shorter edge outside: fewer points, and the closed form takes the long way.
+        sum += cosine * (a.length < b.length ? EdgePairIntegral(a, b, parallel, 0)
+                                             : EdgePairIntegral(b, a, parallel, 0));
+      }
+    }
+  }
+  return std::max(0.0, sum / kTwoPi);
+}
+
+}  // namespace radbake

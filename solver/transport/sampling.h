@@ -1,0 +1,64 @@
+/// Low-discrepancy sampling, keyed by what is sampled: the same numbers on any number of threads.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+#include "solver/scene/polygon.h"
+
+namespace radbake {
+
+/// A hash of 64 bits to 64 bits (the finaliser of SplitMix64; Steele, Lea, Flood 2014).
+inline std::uint64_t Hash(std::uint64_t x) {
+  x += 0x9E3779B97F4A7C15U;
+  x = (x ^ (x >> 30U)) * 0xBF58476D1CE4E5B9U;
+  x = (x ^ (x >> 27U)) * 0x94D049BB133111EBU;
+  return x ^ (x >> 31U);
+}
+
+/// The additive recurrence of Roberts (2018) in D dimensions, x_k = frac(offset + k·α) with α from the
+/// generalised golden ratio, the offset (a Cranley-Patterson rotation) hashed from the key.
+template <std::size_t D>
+class QuasiRandom {
+ public:
+  explicit QuasiRandom(std::uint64_t key) {
+    for (std::size_t d = 0; d < D; ++d) {
+      key = Hash(key + d + 1);
+      at_[d] = static_cast<double>(key >> 11U) * 0x1p-53;
+    }
+  }
+  /// The next point, in [0, 1)^D.
+  std::array<double, D> Next() {
+    const std::array<double, D> point = at_;
+    for (std::size_t d = 0; d < D; ++d) {
+      at_[d] += Steps()[d];
+      at_[d] -= std::floor(at_[d]);
+    }
+    return point;
+  }
+
+ private:
+  static const std::array<double, D>& Steps() {
+    static const std::array<double, D> steps = [] {
+      double phi = 2;  // the root of φ^(D+1) = φ + 1
+      for (int k = 0; k < 60; ++k) {
+        phi = std::pow(1 + phi, 1.0 / (D + 1));
+      }
+      std::array<double, D> result{};
+      double power = 1;
+      for (double& step : result) {
+        step = power /= phi;
+      }
+      return result;
+    }();
+    return steps;
+  }
+
+  std::array<double, D> at_;
+};
+
+/// A point of a convex polygon, uniform by area if u and v are uniform in [0, 1).
+Vec3 PointOn(const Polygon& polygon, double u, double v);
+
+}  // namespace radbake

@@ -1,0 +1,48 @@
+/// Visibility between elements: proved by a shaft where nothing can be in between, else sampled by rays.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "solver/scene/patches.h"
+#include "solver/scene/polygon.h"
+#include "solver/transport/ray_caster.h"
+#include "solver/transport/shaft.h"
+
+namespace radbake {
+
+/// Rays cast so far, and the thread-seconds spent inside the ray tracer.
+struct RayCount {
+  std::uint64_t rays = 0;
+  double seconds = 0;
+};
+
+/// Thread-safe. Results depend on the arguments alone.
+class Visibility {
+ public:
+  explicit Visibility(const Patches& patches);
+
+  /// Is it proved that nothing is between the two polygons? Costs no ray.
+  bool Clear(const Polygon& a, const Polygon& b) const { return occluders_.Clear(a, b); }
+
+  /// The share of rays between the parts of the two polygons that face one another that is not blocked, in
+  /// [0, 1].
+  double BetweenElements(const Polygon& a, const Polygon& b, std::uint64_t key, int rays) const;
+
+  /// The share of rays from `x` to the polygon's part in front of the plane (x, n) that is not blocked. Casts
+  /// `rays` / 4, and the rest only if those disagree.
+  double FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, std::uint64_t key, int rays) const;
+
+  const RayCaster& caster() const { return caster_; }
+  RayCount Counted() const;
+  /// For whoever casts through caster() directly.
+  void Count(std::uint64_t rays, double seconds) const;
+
+ private:
+  RayCaster caster_;
+  Occluders occluders_;
+  mutable std::atomic<std::uint64_t> rays_{0};
+  mutable std::atomic<std::uint64_t> nanoseconds_{0};
+};
+
+}  // namespace radbake
