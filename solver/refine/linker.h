@@ -1,0 +1,38 @@
+/// Makes links and refines them: the one mechanism behind every oracle (Hanrahan, Salzman, Aupperle 1991,
+/// sections 3 and 4: Refine, Link, RefineLink).
+#pragma once
+
+#include <functional>
+
+#include "solver/refine/oracle.h"
+#include "solver/transport/visibility.h"
+
+namespace radbake {
+
+class Linker {
+ public:
+  /// `visibility_rays`: cast for a link that no shaft proves clear.
+  Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibility_rays)
+      : hierarchy_(hierarchy), visibility_(visibility), rays_(visibility_rays) {}
+
+  /// Links every two patches that face one another.
+  void LinkPatches();
+
+  /// Replaces each link that the oracle does not keep by links one level down, until it keeps all. `stop` is
+  /// asked between rounds. Returns the number of links replaced. The same result on any number of threads.
+  std::size_t Refine(const Oracle& oracle, const std::function<bool()>& stop);
+
+  const Links& links() const { return links_; }
+
+ private:
+  /// Form factor and visibility of a link whose ends are set; one that carries nothing has form_factor 0.
+  void Measure(Link& link) const;
+  void MeasureVariation(Link& link, const Polygon& receiver, const Polygon& shooter) const;
+
+  Hierarchy& hierarchy_;
+  const Visibility& visibility_;
+  int rays_;
+  Links links_;
+};
+
+}  // namespace radbake
