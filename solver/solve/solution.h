@@ -11,22 +11,22 @@ namespace radbake {
 /// One refinement pass and the sweeps that followed it.
 struct Iteration {
   std::size_t pass = 0;
-  std::size_t sweeps = 0;   ///< operator applications of this pass
-  double residual = 0;      ///< ‖πL_e + ρ·K·B − B‖ / ‖B‖ after them, area-weighted
+  std::size_t sweeps = 0;  ///< operator applications of this pass
+  double residual = 0;     ///< ‖πL_e + ρ·K·B − B‖ / ‖B‖ after them, area-weighted
   std::size_t elements = 0;
   std::size_t links = 0;
-  std::uint64_t rays = 0;   ///< cast so far
-  double seconds = 0;       ///< since the solve began
+  std::uint64_t rays = 0;  ///< cast so far
+  double seconds = 0;      ///< since the solve began
 };
 
-/// Luminous power in lm, by channel. `escaped` and `absorbed_by_backs` are counted by rays that know nothing of
-/// links, so the imbalance measures the links' form factors and visibility, not only the convergence.
+/// Luminous power in lm, by channel. `escaped` and `absorbed_by_backs` are counted by rays that know nothing
+/// of links, so the imbalance measures the links' form factors and visibility, not only the convergence.
 struct EnergyBalance {
   Rgb emitted = Rgb::Zero();            ///< Σ A·π·L_e
   Rgb absorbed = Rgb::Zero();           ///< Σ A·(1 − ρ)·E
   Rgb absorbed_by_backs = Rgb::Zero();  ///< on back sides and blockers
   Rgb escaped = Rgb::Zero();            ///< out of the scene
-  double imbalance = 0;                 ///< |emitted − absorbed − absorbed_by_backs − escaped| / emitted
+  double imbalance = 0;  ///< |emitted − absorbed − absorbed_by_backs − escaped| / emitted
 };
 
 }  // namespace radbake

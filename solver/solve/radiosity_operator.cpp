@@ -1,0 +1,90 @@
+#include "solver/solve/radiosity_operator.h"
+
+#include <oneapi/tbb/parallel_for.h>
+
+#include <cmath>
+
+namespace radbake {
+namespace {
+
+/// Squared norms of the leaves below one node, by area.
+struct Norms {
+  double change = 0;
+  double radiosity = 0;
+};
+
+class PushPull {
+ public:
+  PushPull(const Hierarchy& hierarchy, const std::vector<Rgb>& gathered, Light& light)
+      : hierarchy_(hierarchy), gathered_(gathered), light_(light) {}
+
+  /// `from_above`: irradiance that the ancestors of `e` gathered.
+  Norms Visit(Index e, const Rgb& from_above) {
+    const Rgb irradiance = from_above + gathered_[e];
+    const Element& element = hierarchy_[e];
+    Norms norms;
+    if (element.IsLeaf()) {
+      const Patch& patch = hierarchy_.PatchOf(e);
+      const Rgb radiosity = patch.emission + patch.reflectance * irradiance;
+      norms.change = element.area * (radiosity - light_.radiosity[e]).square().sum();
+      norms.radiosity = element.area * radiosity.square().sum();
+      light_.radiosity[e] = radiosity;
+      light_.irradiance[e] = irradiance;
+      light_.variation[e] = 0;
+      return norms;
+    }
+    Rgb radiosity = Rgb::Zero();
+    Rgb mean_irradiance = Rgb::Zero();
+    double area = 0;
+    for (Index child = element.first_child; child < element.first_child + 4; ++child) {
+      const Norms below = Visit(child, irradiance);
+      norms.change += below.change;
+      norms.radiosity += below.radiosity;
+      const double share = hierarchy_[child].area;
+      area += share;
+      radiosity += share * light_.radiosity[child];
+      mean_irradiance += share * light_.irradiance[child];
+    }
+    radiosity /= area;
+    double variance = 0;
+    for (Index child = element.first_child; child < element.first_child + 4; ++child) {
+      const double deviation = Luminance(light_.radiosity[child]) - Luminance(radiosity);
+      const double within = light_.variation[child];
+      variance += hierarchy_[child].area / area * (deviation * deviation + within * within);
+    }
+    light_.radiosity[e] = radiosity;
+    light_.irradiance[e] = mean_irradiance / area;
+    light_.variation[e] = std::sqrt(variance);
+    return norms;
+  }
+
+ private:
+  const Hierarchy& hierarchy_;
+  const std::vector<Rgb>& gathered_;
+  Light& light_;
+};
+
+}  // namespace
+
+double ApplyRadiosityOperator(const Hierarchy& hierarchy, const Links& links, Light& light) {
+  std::vector<Rgb> gathered(hierarchy.size());
+  tbb::parallel_for(std::size_t{0}, hierarchy.size(), [&](std::size_t e) {
+    Rgb sum = Rgb::Zero();
+    for (const Link& link : links.Into(static_cast<Index>(e))) {
+      sum += static_cast<double>(link.form_factor * link.visibility) * light.radiosity[link.shooter];
+    }
+    gathered[e] = sum;
+  });
+  std::vector<Norms> norms(hierarchy.root_count());
+  tbb::parallel_for(std::size_t{0}, norms.size(), [&](std::size_t root) {
+    norms[root] = PushPull(hierarchy, gathered, light).Visit(static_cast<Index>(root), Rgb::Zero());
+  });
+  Norms total;
+  for (const Norms& part : norms) {
+    total.change += part.change;
+    total.radiosity += part.radiosity;
+  }
+  return total.radiosity > 0 ? std::sqrt(total.change / total.radiosity) : 0;
+}
+
+}  // namespace radbake

@@ -1,0 +1,17 @@
+/// The operator B ↦ π·L_e + ρ·K·B on the hierarchy: gather over links, then push-pull (Hanrahan 1991,
+/// section 3.3: GatherRad and PushPullRad).
+#pragma once
+
+#include "solver/hierarchy/light.h"
+#include "solver/refine/links.h"
+
+namespace radbake {
+
+/// Applies it once to `light` in place: gathers irradiance over every link, pushes it down to the leaves, and
+/// pulls radiosity, irradiance and variation up as means by area. Returns the residual of what `light` held
+/// before,
+///   ‖π·L_e + ρ·K·B − B‖ / ‖B‖, by leaf area and channel.
+/// The same bits on any number of threads.
+double ApplyRadiosityOperator(const Hierarchy& hierarchy, const Links& links, Light& light);
+
+}  // namespace radbake

@@ -1,0 +1,39 @@
+/// The solve: link, iterate, refine, again (Hanrahan 1991: SolveHR and SolveAHR).
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "solver/hierarchy/light.h"
+#include "solver/refine/links.h"
+#include "solver/solve/solution.h"
+#include "solver/transport/visibility.h"
+
+namespace radbake {
+
+enum class Refinement { kHierarchical, kAdaptive };
+
+struct SolveOptions {
+  Refinement refinement = Refinement::kAdaptive;
+  double a_min = 1e-5;      ///< elements below this share of the scene's area are not divided
+  double f_max = 0.05;      ///< kHierarchical
+  double w_min = 1e-5;      ///< kAdaptive: of the last pass; share of the emitted power
+  double tolerance = 1e-4;  ///< largest relative error of the radiosity that the iteration may leave
+  int visibility_rays = 16;
+  /// Called after each pass and between sweeps and rounds of refinement; true ends the solve with what it
+  /// has.
+  std::function<bool(const Iteration&)> stop;
+};
+
+struct Solution {
+  Light light;
+  Links links;
+  std::vector<Iteration> iterations;
+  bool stopped = false;  ///< by `stop`
+};
+
+/// Divides `hierarchy` and solves for the light on it. The same on any number of threads, as long as `stop`
+/// is.
+Solution Solve(Hierarchy& hierarchy, const Visibility& visibility, const SolveOptions& options);
+
+}  // namespace radbake
