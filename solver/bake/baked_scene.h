@@ -9,8 +9,8 @@
 namespace radbake {
 
 /// A vertex of the output: a weighted sum of up to four vertices of its input surface (unused: weight 0). The
-/// weights are dyadic fractions that sum to 1, so that interpolating float attributes in double is exact, and two
-/// elements that share an edge get the same bits.
+/// weights are dyadic fractions that sum to 1, so that interpolating float attributes in double is exact, and
+/// two elements that share an edge get the same bits.
 struct BakedVertex {
   std::array<Index, 4> source{};
   std::array<float, 4> weight{};
@@ -23,8 +23,8 @@ struct BakedMesh {
   std::vector<Triangle> triangles;
 };
 
-/// `back` has triangles only for a surface lit on both sides (Sides::kBoth). Both are empty for a Role::kBlocker
-/// surface and for one without a triangle of positive area: it is left as it is.
+/// `back` has triangles only for a surface lit on both sides (Sides::kBoth). Both are empty for a
+/// Role::kBlocker surface and for one without a triangle of positive area: it is left as it is.
 struct BakedSurface {
   BakedMesh front;
   BakedMesh back;

@@ -1,0 +1,44 @@
+/// Final gather: the irradiance at a point, gathered anew from the hierarchy's links.
+#pragma once
+
+#include "solver/hierarchy/light.h"
+#include "solver/refine/links.h"
+#include "solver/transport/visibility.h"
+
+namespace radbake {
+
+struct GatherOptions {
+  bool anew = true;  ///< false: the mean irradiance of the solver's element, as it is
+  int rays = 64;     ///< to a shooter that gives all of a point's light; others in proportion
+};
+
+/// The links into an element and its ancestors say which shooters light it; at a point inside, each one's
+/// form factor is exact (Lambert's formula), and its visibility is the point's own wherever no shaft proved
+/// it open (compare Lischinski, Tampieri, Greenberg, Combining hierarchical radiosity and discontinuity
+/// meshing, SIGGRAPH 1993, section 5; Smits 1994 calls it local pass). Thread-safe.
+class Gatherer {
+ public:
+  Gatherer(const Hierarchy& hierarchy, const Light& light, const Links& links, const Visibility& visibility,
+           const GatherOptions& options);
+
+  /// The youngest descendant of `element` (or itself) that received links or shares the leaf that did, at
+  /// `x`.
+  Index SolverLeaf(Index element, const Vec3& x) const;
+
+  /// Irradiance, normalised, at `x` inside `leaf` = SolverLeaf(…, x). `x` must not lie on the leaf's outline.
+  /// `key` seeds the shadow rays.
+  Rgb Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const;
+
+ private:
+  double PointVisibility(const Link& link, const Vec3& x, const Vec3& n, const Polygon& shooter, double share,
+                         std::uint64_t key) const;
+
+  const Hierarchy& hierarchy_;
+  const Light& light_;
+  const Links& links_;
+  const Visibility& visibility_;
+  GatherOptions options_;
+  double typical_ = 0;  // root mean square of the luminous irradiance
+};
+
+}  // namespace radbake

@@ -1,0 +1,244 @@
+#include "solver/bake/output_mesh.h"
+
+#include <oneapi/tbb/blocked_range.h>
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "solver/transport/sampling.h"
+
+namespace radbake {
+namespace {
+
+// Mean square of the interpolation error over an element, in squares of the centre's: 1/4 where a shadow's
+// edge crosses the element, 1/30 and less where irradiance is smooth.
+constexpr double kElementError = 0.15;
+
+const Rgb kNotGathered = Rgb::Constant(-1);
+bool IsGathered(const Rgb& value) {
+  return value[0] >= 0;
+}
+
+Vec3 ElementCentre(const Hierarchy& hierarchy, Index element) {
+  const Polygon shape = hierarchy.Shape(element);
+  const std::array<float, 4> weight = CentreWeights(hierarchy[element]);
+  Vec3 centre = Vec3::Zero();
+  for (int k = 0; k < shape.count; ++k) {
+    centre += static_cast<double>(weight[static_cast<std::size_t>(k)]) * shape[k];
+  }
+  return centre;
+}
+
+struct Meeting {
+  Index vertex;
+  Index element;
+};
+
+}  // namespace
+
+OutputMesh::OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Links& links)
+    : hierarchy_(hierarchy),
+      gatherer_(gatherer),
+      lit_(hierarchy.root_count(), false),
+      cut_(hierarchy.root_count()) {
+  for (const Link& link : links.all()) {
+    lit_[hierarchy[link.receiver].patch] = true;
+  }
+  std::iota(cut_.begin(), cut_.end(), Index{0});
+}
+
+void OutputMesh::Divide(Index element) {
+  const Index first = hierarchy_.Divide(element);
+  irradiance_.resize(hierarchy_.vertex_count(), kNotGathered);
+  centre_.resize(hierarchy_.size(), kNotGathered);
+  if (hierarchy_[element].CornerCount() == 4 && IsGathered(centre_[element])) {
+    irradiance_[hierarchy_[first].corner[2]] = centre_[element];
+    ++gathered_;
+  }
+}
+
+void OutputMesh::DivideUnseen(double area) {
+  for (std::size_t k = 0; k < cut_.size(); ++k) {
+    while (IsLit(cut_[k]) && hierarchy_[cut_[k]].area > area) {
+      Divide(cut_[k]);
+      const Index first = hierarchy_[cut_[k]].first_child;
+      cut_[k] = first;
+      cut_.insert(cut_.end(), {first + 1, first + 2, first + 3});
+    }
+  }
+}
+
+void OutputMesh::WalkEdge(Index from, Index to, Loop& loop) {
+  const Index middle = hierarchy_.FindMidpoint(hierarchy_.PositionOf(from), hierarchy_.PositionOf(to));
+  if (middle == kNone || middle >= used_.size() || !used_[middle]) {
+    return;
+  }
+  const Index vertex = hierarchy_.MidVertex(from, to);
+  WalkEdge(from, vertex, loop);
+  loop.push_back(vertex);
+  WalkEdge(vertex, to, loop);
+}
+
+void OutputMesh::WalkEdges() {
+  used_.clear();
+  for (const Index e : cut_) {
+    const Element& element = hierarchy_[e];
+    for (int k = 0; k < element.CornerCount(); ++k) {
+      const Index position = hierarchy_.PositionOf(element.corner[static_cast<std::size_t>(k)]);
+      if (position >= used_.size()) {
+        used_.resize(2 * static_cast<std::size_t>(position) + 1, false);
+      }
+      used_[position] = true;
+    }
+  }
+  loops_.assign(cut_.size(), {});
+  for (std::size_t k = 0; k < cut_.size(); ++k) {
+    const std::array<Index, 4> corner = hierarchy_[cut_[k]].corner;
+    const auto count = static_cast<std::size_t>(hierarchy_[cut_[k]].CornerCount());
+    for (std::size_t c = 0; c < count; ++c) {
+      loops_[k].push_back(corner[c]);
+      WalkEdge(corner[c], corner[(c + 1) % count], loops_[k]);
+    }
+  }
+  irradiance_.resize(hierarchy_.vertex_count(), kNotGathered);
+  centre_.resize(hierarchy_.size(), kNotGathered);
+}
+
+void OutputMesh::GatherVertices() {
+  std::vector<Meeting> meetings;
+  for (std::size_t k = 0; k < cut_.size(); ++k) {
+    for (const Index vertex : loops_[k]) {
+      if (!IsGathered(irradiance_[vertex])) {
+        meetings.push_back({vertex, cut_[k]});
+      }
+    }
+  }
+  std::sort(meetings.begin(), meetings.end(), [](const Meeting& a, const Meeting& b) {
+    return a.vertex != b.vertex ? a.vertex < b.vertex : a.element < b.element;
+  });
+  std::vector<std::size_t> begin;
+  for (std::size_t k = 0; k < meetings.size(); ++k) {
+    if (k == 0 || meetings[k].vertex != meetings[k - 1].vertex) {
+      begin.push_back(k);
+    }
+  }
+  const std::size_t count = begin.size();
+  begin.push_back(meetings.size());
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 16), [&](const auto& range) {
+    std::vector<Index> seen;
+    for (std::size_t v = range.begin(); v != range.end(); ++v) {
+      const Index vertex = meetings[begin[v]].vertex;
+      Rgb sum = Rgb::Zero();
+      seen.clear();
+      for (std::size_t k = begin[v]; k < begin[v + 1]; ++k) {
+        const Index element = meetings[k].element;
+        if (!IsLit(element)) {
+          continue;
+        }
+        // A hair inside the element: at a shared edge, form factors have a limit from each side.
+        constexpr double kInside = 1e-4;
+        const Vec3 x = hierarchy_.Point(vertex) +
+                       kInside * (ElementCentre(hierarchy_, element) - hierarchy_.Point(vertex));
+        const Index leaf = gatherer_.SolverLeaf(element, x);
+        if (std::find(seen.begin(), seen.end(), leaf) == seen.end()) {
+          seen.push_back(leaf);
+          sum += gatherer_.Irradiance(x, leaf, Hash(vertex));
+        }
+      }
+      irradiance_[vertex] = seen.empty() ? sum : sum / static_cast<double>(seen.size());
+    }
+  });
+  gathered_ += count;
+}
+
+void OutputMesh::GatherCentres() {
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, cut_.size(), 16), [&](const auto& range) {
+    for (std::size_t k = range.begin(); k != range.end(); ++k) {
+      const Index e = cut_[k];
+      if (IsGathered(centre_[e])) {
+        continue;
+      }
+      if (!IsLit(e)) {
+        centre_[e] = Rgb::Zero();
+        continue;
+      }
+      // A hair off the centre, which may lie on an edge of a younger element of the solver's.
+      constexpr double kOff = 1e-4;
+      const Polygon shape = hierarchy_.Shape(e);
+      const Vec3 centre = ElementCentre(hierarchy_, e);
+      const Vec3 x = centre + kOff * (0.6 * (shape[0] - centre) + 0.4 * (shape[1] - centre));
+      centre_[e] = gatherer_.Irradiance(x, gatherer_.SolverLeaf(e, x), Hash(~static_cast<std::uint64_t>(e)));
+    }
+  });
+}
+
+std::vector<double> OutputMesh::SquaredErrors() {
+  std::vector<double> errors(cut_.size());
+  double norm = 0;
+  double error = 0;
+  for (std::size_t k = 0; k < cut_.size(); ++k) {
+    const Element& element = hierarchy_[cut_[k]];
+    const auto count = static_cast<std::size_t>(element.CornerCount());
+    Rgb mean = Rgb::Zero();
+    for (std::size_t c = 0; c < count; ++c) {
+      mean += irradiance_[element.corner[c]];
+    }
+    mean /= static_cast<double>(count);
+    errors[k] = kElementError * element.area * (centre_[cut_[k]] - mean).square().sum();
+    error += errors[k];
+    norm += element.area * mean.square().sum();
+  }
+  error_ = norm > 0 ? std::sqrt(error / norm) : 0;
+  return errors;
+}
+
+MeshEnd OutputMesh::Refine(const MeshOptions& options) {
+  const double area = hierarchy_.patches().area;
+  DivideUnseen(options.start_area * area);
+  while (true) {
+    WalkEdges();
+    GatherVertices();
+    GatherCentres();
+    const std::vector<double> errors = SquaredErrors();
+    if (error_ <= options.error) {
+      return MeshEnd::kError;
+    }
+    if (gathered_ >= options.max_vertices) {
+      return MeshEnd::kLimit;
+    }
+    if (options.stop && options.stop(error_, gathered_)) {
+      return MeshEnd::kStopped;
+    }
+    // Worst first, until the others alone would meet a part of the target.
+    constexpr double kLeft = 0.3;
+    std::vector<std::size_t> order(cut_.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return errors[a] > errors[b]; });
+    const double total = std::accumulate(errors.begin(), errors.end(), 0.0);
+    double left = total;
+    const double goal = kLeft * total * std::pow(options.error / error_, 2);
+    bool divided = false;
+    for (const std::size_t k : order) {
+      if (left <= goal) {
+        break;
+      }
+      left -= errors[k];
+      const Index e = cut_[k];
+      if (hierarchy_[e].area > options.min_area * area) {
+        Divide(e);
+        const Index first = hierarchy_[e].first_child;
+        cut_[k] = first;
+        cut_.insert(cut_.end(), {first + 1, first + 2, first + 3});
+        divided = true;
+      }
+    }
+    if (!divided) {
+      return MeshEnd::kLimit;
+    }
+  }
+}
+
+}  // namespace radbake

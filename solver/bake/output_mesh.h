@@ -1,0 +1,74 @@
+/// The mesh of the output: a cut through the element hierarchy, divided where irradiance is not linear.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "solver/bake/baked_scene.h"
+#include "solver/bake/gather.h"
+
+namespace radbake {
+
+struct MeshOptions {
+  double error = 0.01;       ///< target: relative RMS error of the interpolation
+  double start_area = 1e-3;  ///< lit elements above this share of the scene's area are divided unseen
+  double min_area = 1e-8;    ///< elements below this share are not divided
+  std::size_t max_vertices = 4'000'000;
+  /// Called between rounds with the estimated error and the vertices so far; true ends the refinement.
+  std::function<bool(double error, std::size_t vertices)> stop;
+};
+
+enum class MeshEnd { kError, kLimit, kStopped };
+
+/// Irradiance at the vertices of a cut through the hierarchy. Vertices are shared by all elements of one
+/// smooth or flat surface that meet there; where a neighbour is divided further, its vertices on the common
+/// edge belong to both (no T-vertices, and no cracks even across creases).
+class OutputMesh {
+ public:
+  using Loop =
+      std::vector<Index>;  ///< vertices around an element, counter-clockwise, beginning at its corner 0
+
+  OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Links& links);
+
+  /// Divides the elements whose centre is farthest from what their corners interpolate to, worst first, until
+  /// the estimated error of the whole is below the target. The same on any number of threads.
+  MeshEnd Refine(const MeshOptions& options);
+
+  /// Estimated relative RMS error of the interpolation.
+  double error() const { return error_; }
+  std::size_t vertex_count() const { return gathered_; }
+  const std::vector<Index>& cut() const { return cut_; }                     ///< the elements of the output
+  const std::vector<Loop>& loops() const { return loops_; }                  ///< parallel to cut()
+  const Rgb& Irradiance(Index vertex) const { return irradiance_[vertex]; }  ///< normalised
+  const Rgb& CentreIrradiance(Index element) const { return centre_[element]; }  ///< at ElementCentre()
+
+ private:
+  void DivideUnseen(double area);
+  void Divide(Index element);
+  void WalkEdges();
+  void WalkEdge(Index from, Index to, Loop& loop);
+  void GatherVertices();
+  void GatherCentres();
+  std::vector<double> SquaredErrors();
+  bool IsLit(Index element) const { return lit_[hierarchy_[element].patch]; }
+
+  Hierarchy& hierarchy_;
+  const Gatherer& gatherer_;
+  std::vector<bool> lit_;  // by patch: some link leads into it
+  std::vector<Index> cut_;
+  std::vector<Loop> loops_;
+  std::vector<bool> used_;       // by position: a corner of some element of the cut
+  std::vector<Rgb> irradiance_;  // by vertex; negative: not gathered yet
+  std::vector<Rgb> centre_;      // by element; negative: not gathered yet
+  std::size_t gathered_ = 0;
+  double error_ = 1;
+};
+
+/// Weights of an element's corners at its centre: dyadic, so that they sum to exactly 1 in float too.
+inline std::array<float, 4> CentreWeights(const Element& element) {
+  constexpr float kUnit = 1.0F / 1024;
+  return element.CornerCount() == 4 ? std::array{0.25F, 0.25F, 0.25F, 0.25F}
+                                    : std::array{341 * kUnit, 341 * kUnit, 342 * kUnit, 0.0F};
+}
+
+}  // namespace radbake

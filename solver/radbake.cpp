@@ -1,0 +1,196 @@
+#include "solver/radbake.h"
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "solver/bake/emit.h"
+#include "solver/bake/output_mesh.h"
+#include "solver/check/check.h"
+#include "solver/hierarchy/hierarchy.h"
+#include "solver/scene/patches.h"
+#include "solver/solve/energy.h"
+#include "solver/solve/solver.h"
+
+namespace radbake {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Where each phase ends in the whole bake, as the progress shows it.
+constexpr double kImported = 0.02;
+constexpr double kSolved = 0.4;
+constexpr double kGathered = 0.85;
+constexpr double kExported = 0.9;
+
+// Shares of a time budget after which solving, and dividing the output, stop.
+constexpr double kSolveShare = 0.4;
+constexpr double kGatherShare = 0.75;
+constexpr double kCheckShare = 0.95;
+
+std::size_t PeakBytes() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<std::size_t>(usage.ru_maxrss) * 1024;
+}
+
+/// Tells the caller, keeps the clock, and decides when time is up.
+class Watch {
+ public:
+  Watch(const Parameters& parameters, const ProgressCallback& callback)
+      : budget_(parameters.time_budget), callback_(callback) {}
+
+  double Seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+
+  /// Reports, but not more often than a few times a second within one phase. Throws Interrupted.
+  void Report(std::string_view phase, double fraction) {
+    progress_.seconds = Seconds();
+    progress_.fraction = std::max(progress_.fraction, fraction);
+    constexpr double kInterval = 0.1;
+    if (callback_ && (phase != progress_.phase || progress_.seconds >= last_report_ + kInterval)) {
+      progress_.phase = phase;
+      last_report_ = progress_.seconds;
+      if (callback_(progress_) == Continue::kStop) {
+        throw Interrupted();
+      }
+    }
+  }
+
+  bool Beyond(double share) const { return budget_ && Seconds() > share * *budget_; }
+  Progress& progress() { return progress_; }
+
+  /// Seconds since the last call: the phase that just ended.
+  double Lap() {
+    const double now = Seconds();
+    return now - std::exchange(lap_, now);
+  }
+
+ private:
+  std::optional<double> budget_;
+  const ProgressCallback& callback_;
+  Progress progress_;
+  Clock::time_point start_ = Clock::now();
+  double last_report_ = -1;
+  double lap_ = 0;
+};
+
+SolveOptions OptionsOf(const Parameters& parameters) {
+  SolveOptions options;
+  options.refinement =
+      parameters.method == Method::kAdaptive ? Refinement::kAdaptive : Refinement::kHierarchical;
+  // Fitted so that what the elements' constants leave in the final irradiance is a small part of the target.
+  options.a_min = parameters.oracle.a_min.value_or(std::clamp(0.02 * parameters.error, 1e-6, 1e-2));
+  options.f_max = parameters.oracle.f_max.value_or(std::clamp(1.0 * parameters.error, 1e-3, 0.3));
+  options.w_min = parameters.oracle.w_min.value_or(std::clamp(0.005 * parameters.error, 1e-8, 1e-2));
+  options.tolerance = 0.02 * parameters.error;
+  return options;
+}
+
+MeshOptions MeshOptionsOf(const Parameters& parameters) {
+  MeshOptions options;
+  options.error = 0.7 * parameters.error;
+  options.start_area = std::clamp(0.05 * parameters.error, 1e-5, 1e-2);
+  options.min_area = 1e-4 * options.start_area;
+  return options;
+}
+
+GatherOptions GatherOptionsOf(const Parameters& parameters) {
+  GatherOptions options;
+  options.anew = parameters.final_gather != FinalGather::kOff;
+  options.rays = std::clamp(static_cast<int>(std::lround(1.3 / parameters.error)), 8, 1024);
+  return options;
+}
+
+}  // namespace
+
+BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const ProgressCallback& callback) {
+  Watch watch(parameters, callback);
+  BakeResult result;
+  Statistics& statistics = result.statistics;
+  statistics.parameters = parameters;
+  const auto end_phase = [&](const char* name) { statistics.seconds.emplace_back(name, watch.Lap()); };
+
+  watch.Report("import", 0);
+  const gltf::Document document(source);
+  const Scene& scene = document.scene();
+  const Patches patches = CutIntoPatches(scene);
+  statistics.warnings = scene.warnings;
+  statistics.scene.ignored = scene.ignored;
+  statistics.scene.materials = scene.materials.size();
+  statistics.scene.patches = patches.patches.size();
+  for (const Surface& surface : scene.surfaces) {
+    statistics.scene.triangles += surface.triangles.size();
+  }
+  statistics.scene.lights = static_cast<std::size_t>(std::ranges::count_if(
+      patches.patches, [](const Patch& patch) { return patch.emission.maxCoeff() > 0; }));
+  end_phase("import");
+
+  watch.Report("solve", kImported);
+  Hierarchy hierarchy(patches);
+  const Visibility visibility(patches);
+  SolveOptions solve_options = OptionsOf(parameters);
+  solve_options.stop = [&](const Iteration& iteration) {
+    watch.progress().iteration = iteration;
+    // Each pass costs about as much as all before it.
+    watch.Report("solve",
+                 kSolved - (kSolved - kImported) * std::pow(0.7, static_cast<double>(iteration.pass)));
+    return watch.Beyond(kSolveShare);
+  };
+  Solution solution = Solve(hierarchy, visibility, solve_options);
+  end_phase("solve");
+  statistics.energy = BalanceEnergy(hierarchy, solution.light, visibility);
+  end_phase("energy");
+
+  watch.Report("gather", kSolved);
+  const Gatherer gatherer(hierarchy, solution.light, solution.links, visibility, GatherOptionsOf(parameters));
+  OutputMesh mesh(hierarchy, gatherer, solution.links);
+  MeshOptions mesh_options = MeshOptionsOf(parameters);
+  mesh_options.stop = [&](double error, std::size_t /*vertices*/) {
+    watch.progress().error = error;
+    watch.Report("gather",
+                 kGathered - (kGathered - kSolved) * std::clamp(1 - mesh_options.error / error, 0.0, 1.0));
+    return watch.Beyond(kGatherShare);
+  };
+  const MeshEnd end = mesh.Refine(mesh_options);
+  const BakedScene baked = Emit(hierarchy, mesh, scene.surfaces.size(), parameters.exposure);
+  end_phase("gather");
+
+  statistics.iterations = std::move(solution.iterations);
+  statistics.estimated_error = std::hypot(mesh.error(), 0.5 * parameters.error);
+  statistics.stopped_by = solution.stopped || end == MeshEnd::kStopped ? StoppedBy::kTimeBudget
+                          : end == MeshEnd::kLimit                     ? StoppedBy::kLimit
+                                                                       : StoppedBy::kError;
+  statistics.rays = visibility.Counted().rays;
+  statistics.ray_seconds = visibility.Counted().seconds;
+  for (const BakedSurface& surface : baked.surfaces) {
+    for (const BakedMesh* side : {&surface.front, &surface.back}) {
+      statistics.output.vertices += side->vertices.size();
+      statistics.output.triangles += side->triangles.size();
+    }
+  }
+  statistics.output.exposure = baked.exposure;
+
+  watch.progress().error = statistics.estimated_error;
+  watch.Report("export", kGathered);
+  result.glb = document.Export(baked);
+  end_phase("export");
+
+  watch.Report("check", kExported);
+  if (parameters.check > 0 && !watch.Beyond(kCheckShare)) {
+    CheckOptions check;
+    check.probes = parameters.check;
+    check.stop = [&] { return watch.Beyond(kCheckShare); };
+    const CheckSummary summary = Check(scene, gltf::ReadIrradiance({result.glb, {}}), check);
+    if (summary.probes > 0) {
+      statistics.measured = summary;
+    }
+    end_phase("check");
+  }
+  watch.Report("check", 1);
+  statistics.peak_bytes = PeakBytes();
+  return result;
+}
+
+}  // namespace radbake
