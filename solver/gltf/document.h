@@ -1,4 +1,4 @@
-/// glTF at both ends of a bake. The only folder that knows the format; tinygltf stays inside it.
+/// glTF at both ends of a bake. The only folder that knows the format.
 #pragma once
 
 #include <cstddef>
@@ -20,8 +20,8 @@ struct Source {
   std::map<std::string, std::string> resources;
 };
 
-/// Reads SCENE.glb or SCENE.gltf with the files beside it (the command line's side: only relative URIs that stay
-/// inside the scene's own folder are read). Throws InputError.
+/// Reads SCENE.glb or SCENE.gltf with the files beside it (the command line's side: only relative URIs that
+/// stay inside the scene's own folder are read). Throws InputError.
 Source ReadSource(const std::string& path);
 
 /// What an upload may ask for at most.

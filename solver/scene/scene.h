@@ -22,8 +22,8 @@ struct Material {
   Role role = Role::kDiffuse;
 };
 
-/// One glTF primitive as one node places it. Vertices are welded: no two have both the same position and the
-/// same attributes.
+/// One glTF primitive as one node places it. Vertices are welded: no two have the same position, normal and
+/// attributes, bit by bit.
 struct Surface {
   std::string name;  ///< for messages: node, mesh and primitive
   Index material = 0;

@@ -1,0 +1,211 @@
+#include "solver/gltf/json.h"
+
+#include <set>
+
+#include "solver/scene/types.h"
+
+namespace radbake::gltf {
+
+std::string ToString(const Place& place) {
+  std::string text(place.kind);
+  if (place.index != Place::kWhole) {
+    text += ' ' + std::to_string(place.index);
+  }
+  if (!place.part.empty()) {
+    text += ' ' + std::string(place.part);
+  }
+  if (place.part_index != Place::kWhole) {
+    text += ' ' + std::to_string(place.part_index);
+  }
+  return text;
+}
+
+void Fail(const Place& place, std::string_view message) {
+  throw InputError(ToString(place) + ": " + std::string(message));
+}
+
+std::string Quoted(std::string_view text) {
+  constexpr std::size_t kLongest = 80;
+  std::string quoted = "'";
+  bool cut = false;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    // Cut between characters of UTF-8, never inside one.
+    if (quoted.size() > kLongest && (byte & 0xC0U) != 0x80U) {
+      cut = true;
+      break;
+    }
+    quoted += byte < 0x20 || byte == 0x7F ? ' ' : c;
+  }
+  return quoted + (cut ? "…'" : "'");
+}
+
+Json ParseJson(std::string_view text, std::size_t depth) {
+  std::vector<std::set<std::string>> members;  // of the objects that are open
+  const auto check = [&](int level, Json::parse_event_t event, Json& parsed) {
+    switch (event) {
+      case Json::parse_event_t::object_start:
+      case Json::parse_event_t::array_start:
+        if (static_cast<std::size_t>(level) >= depth) {
+          throw InputError("JSON: nested deeper than " + std::to_string(depth) + " levels");
+        }
+        members.emplace_back();
+        break;
+      case Json::parse_event_t::key:
+        if (!members.back().insert(parsed.get_ref<const std::string&>()).second) {
+          throw InputError("JSON: member " + Quoted(parsed.get_ref<const std::string&>()) +
+                           " is twice in one object");
+        }
+        break;
+      case Json::parse_event_t::object_end:
+      case Json::parse_event_t::array_end:
+        members.pop_back();
+        break;
+      case Json::parse_event_t::value:
+        break;
+    }
+    return true;
+  };
+  try {
+    Json root = Json::parse(text, check);
+    if (!root.is_object()) {
+      throw InputError("JSON: not an object");
+    }
+    return root;
+  } catch (const Json::exception& error) {
+    // "[json.exception.parse_error.101] parse error at line …": what matters comes after the bracket.
+    const std::string_view what = error.what();
+    const std::size_t bracket = what.find("] ");
+    const std::string_view plain = bracket == std::string_view::npos ? what : what.substr(bracket + 2);
+    std::string line;
+    for (const char c : plain.substr(0, 200)) {
+      const auto byte = static_cast<unsigned char>(c);
+      line += byte < 0x20 || byte >= 0x7F ? '?' : c;
+    }
+    throw InputError("JSON: " + line);
+  }
+}
+
+const Json* Find(const Json& object, const char* key) {
+  const auto found = object.find(key);
+  return found == object.end() ? nullptr : &*found;
+}
+
+Json* Find(Json& object, const char* key) {
+  const auto found = object.find(key);
+  return found == object.end() ? nullptr : &*found;
+}
+
+const Json* FindObject(const Json& object, const char* key, const Place& place) {
+  const Json* member = Find(object, key);
+  if (member != nullptr && !member->is_object()) {
+    Fail(place, std::string(key) + " is not an object");
+  }
+  return member;
+}
+
+const Json& Objects(const Json& object, const char* key, const Place& place) {
+  static const Json none = Json::array();
+  const Json* member = Find(object, key);
+  if (member == nullptr) {
+    return none;
+  }
+  if (!member->is_array()) {
+    Fail(place, std::string(key) + " is not a list");
+  }
+  for (const Json& element : *member) {
+    if (!element.is_object()) {
+      Fail(place, std::string(key) + " holds something that is not an object");
+    }
+  }
+  return *member;
+}
+
+namespace {
+
+std::size_t AsCount(const Json& value, const char* key, const Place& place) {
+  if (!value.is_number_unsigned()) {
+    Fail(place, std::string(key) + " is not a whole number from 0 up");
+  }
+  return value.get<std::size_t>();
+}
+
+std::size_t AsIndex(const Json& value, const char* key, std::size_t size, const Place& place) {
+  const std::size_t index = AsCount(value, key, place);
+  if (index >= size) {
+    Fail(place, std::string(key) + " " + std::to_string(index) + " is beyond the " + std::to_string(size) +
+                    " that there are");
+  }
+  return index;
+}
+
+}  // namespace
+
+std::optional<std::size_t> FindCount(const Json& object, const char* key, const Place& place) {
+  const Json* member = Find(object, key);
+  return member == nullptr ? std::nullopt : std::optional(AsCount(*member, key, place));
+}
+
+std::size_t Count(const Json& object, const char* key, const Place& place) {
+  const std::optional<std::size_t> count = FindCount(object, key, place);
+  if (!count) {
+    Fail(place, std::string(key) + " is missing");
+  }
+  return *count;
+}
+
+std::optional<std::size_t> FindIndex(const Json& object, const char* key, std::size_t size,
+                                     const Place& place) {
+  const Json* member = Find(object, key);
+  return member == nullptr ? std::nullopt : std::optional(AsIndex(*member, key, size, place));
+}
+
+std::vector<std::size_t> Indices(const Json& object, const char* key, std::size_t size, const Place& place) {
+  std::vector<std::size_t> indices;
+  const Json* member = Find(object, key);
+  if (member == nullptr) {
+    return indices;
+  }
+  if (!member->is_array()) {
+    Fail(place, std::string(key) + " is not a list");
+  }
+  std::set<std::size_t> seen;
+  for (const Json& value : *member) {
+    indices.push_back(AsIndex(value, key, size, place));
+    if (!seen.insert(indices.back()).second) {
+      Fail(place, std::string(key) + " names " + std::to_string(indices.back()) + " twice");
+    }
+  }
+  return indices;
+}
+
+double Number(const Json& object, const char* key, double otherwise, const Place& place) {
+  const Json* member = Find(object, key);
+  if (member != nullptr && !member->is_number()) {
+    Fail(place, std::string(key) + " is not a number");
+  }
+  return member == nullptr ? otherwise : member->get<double>();
+}
+
+bool Flag(const Json& object, const char* key, bool otherwise, const Place& place) {
+  const Json* member = Find(object, key);
+  if (member != nullptr && !member->is_boolean()) {
+    Fail(place, std::string(key) + " is neither true nor false");
+  }
+  return member == nullptr ? otherwise : member->get<bool>();
+}
+
+std::string Text(const Json& object, const char* key, std::string_view otherwise, const Place& place) {
+  const Json* member = Find(object, key);
+  if (member != nullptr && !member->is_string()) {
+    Fail(place, std::string(key) + " is not a text");
+  }
+  return member == nullptr ? std::string(otherwise) : member->get<std::string>();
+}
+
+const Json* FindExtension(const Json& object, const char* name, const Place& place) {
+  const Json* extensions = FindObject(object, "extensions", place);
+  return extensions == nullptr ? nullptr : FindObject(*extensions, name, place);
+}
+
+}  // namespace radbake::gltf
