@@ -15,7 +15,7 @@ struct CheckOptions {
   /// Standard error of a probe's path-traced irradiance that is small enough, relative to the scene's root
   /// mean square irradiance. It is taken out of the result and only widens the intervals: as large as the
   /// error that is to be measured is small enough, and costs a quarter of half as large.
-  double probe_noise = 0.01;
+  double probe_noise = 0.02;
   std::size_t max_paths = 65536;  ///< a probe's paths, at most; at least 8 are traced
   std::uint64_t seed = 1;
   /// Asked now and then, on the caller's thread; true ends the check early with the probes done so far, which

@@ -21,7 +21,7 @@ Ratio RatioOf(std::span<const double> x, std::span<const double> y) {
     sum_x += x[i];
     sum_y += y[i];
   }
-  if (!(sum_y > 0)) {
+  if (sum_y <= 0) {
     return {};
   }
   const double value = sum_x / sum_y;
@@ -58,10 +58,11 @@ void Compare(std::span<const Comparison> comparisons, CheckSummary& summary) {
     variance += comparison.variance;
     energy += squared.back();
   }
+  // std::max keeps its first argument if that is not a number: a broken bake is not an exact one.
   const Ratio error = RatioOf(squared_error, squared);
-  summary.error = std::sqrt(std::max(0.0, error.value));
-  summary.error_low = std::sqrt(std::max(0.0, error.value - error.half_width));
-  summary.error_high = std::sqrt(std::max(0.0, error.value + error.half_width));
+  summary.error = std::sqrt(std::max(error.value, 0.0));
+  summary.error_low = std::sqrt(std::max(error.value - error.half_width, 0.0));
+  summary.error_high = std::sqrt(std::max(error.value + error.half_width, 0.0));
   const Ratio bias = RatioOf(difference, reference);
   summary.bias = bias.value;
   summary.bias_interval = bias.half_width;

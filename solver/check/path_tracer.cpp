@@ -32,15 +32,6 @@ double Power(const Facet& facet) {
 
 }  // namespace
 
-struct PathTracer::Walk {
-  SamplePoints points;
-  std::uint32_t path = 0;
-  std::uint32_t dimension = 0;
-  std::size_t rays = 0;
-
-  std::array<double, 2> Next() { return points.Point(path, dimension++); }
-};
-
 PathTracer::PathTracer(const TracedScene& scene)
     : scene_(scene), caster_(scene.corners), light_density_(scene.facets.size()) {
   double total = 0;
@@ -57,7 +48,7 @@ PathTracer::PathTracer(const TracedScene& scene)
   }
 }
 
-Rgb PathTracer::FromLights(const Place& place, std::array<double, 2> sample, Walk& walk) const {
+Rgb PathTracer::FromLights(const Place& place, std::array<double, 2> sample, std::size_t& rays) const {
   if (lights_.empty()) {
     return Rgb::Zero();
   }
@@ -75,7 +66,7 @@ Rgb PathTracer::FromLights(const Place& place, std::array<double, 2> sample, Wal
   if (!(receiving > 0 && emitting > 0)) {
     return Rgb::Zero();
   }
-  ++walk.rays;
+  ++rays;
   if (caster_.Occluded(place.point, point)) {
     return Rgb::Zero();
   }
@@ -86,15 +77,16 @@ Rgb PathTracer::FromLights(const Place& place, std::array<double, 2> sample, Wal
 
 PathTracer::Estimate PathTracer::Irradiance(const Place& place, std::uint32_t paths,
                                             std::uint64_t stream) const {
+  const SamplePoints points(stream);
   Estimate estimate;
-  for (Walk walk{.points = SamplePoints(stream)}; walk.path < paths; ++walk.path, walk.dimension = 0) {
+  for (std::uint32_t path = 0; path < paths; ++path) {
     Place at = place;
     Rgb throughput = Rgb::Ones();
-    while (true) {
-      estimate.irradiance += throughput * FromLights(at, walk.Next(), walk);
-      const Vec3 direction = CosineDirection(at.normal, walk.Next());
+    for (std::uint32_t dimension = 0;; dimension += 3) {
+      estimate.irradiance += throughput * FromLights(at, points.Point(path, dimension), estimate.rays);
+      const Vec3 direction = CosineDirection(at.normal, points.Point(path, dimension + 1));
       const auto hit = caster_.Closest(at.point, direction);
-      ++walk.rays;
+      ++estimate.rays;
       if (!hit) {
         break;
       }
@@ -110,15 +102,15 @@ PathTracer::Estimate PathTracer::Irradiance(const Place& place, std::uint32_t pa
         estimate.irradiance += throughput * facet.emission * (form_factor / (form_factor + density));
       }
       throughput *= facet.reflectance;
-      const double survival = std::min(1.0, throughput.maxCoeff() / kRouletteBelow);
-      if (walk.Next()[0] >= survival) {
-        break;
+      const double survival = throughput.maxCoeff() / kRouletteBelow;
+      if (survival < 1) {
+        if (points.Point(path, dimension + 2)[0] >= survival) {
+          break;
+        }
+        throughput /= survival;
       }
-      throughput /= survival;
       at = next;
     }
-    estimate.rays += walk.rays;
-    walk.rays = 0;
   }
   estimate.irradiance /= paths;
   return estimate;

@@ -37,9 +37,9 @@ class PathTracer {
     Index facet;
     double cumulative;  ///< probability of this light or an earlier one
   };
-  struct Walk;
 
-  Rgb FromLights(const Place& place, std::array<double, 2> sample, Walk& walk) const;
+  /// The direct light from a random point of a lamp, weighted against sampling by direction.
+  Rgb FromLights(const Place& place, std::array<double, 2> sample, std::size_t& rays) const;
 
   const TracedScene& scene_;
   RayCaster caster_;

@@ -73,6 +73,15 @@ TEST(Comparison, FindsNoErrorInAnExactBake) {
   EXPECT_EQ(summary.noise, 0);
 }
 
+TEST(Comparison, DoesNotTakeABrokenBakeForAnExactOne) {
+  std::vector<Comparison> comparisons = Draw(0, 0, 0.01, 1);
+  comparisons[5].baked[1] = NAN;
+  CheckSummary summary;
+  Compare(comparisons, summary);
+  EXPECT_TRUE(std::isnan(summary.error));
+  EXPECT_TRUE(std::isnan(summary.bias));
+}
+
 TEST(Comparison, LeavesTheSummaryOfNoProbesAsItIs) {
   CheckSummary summary;
   Compare({}, summary);
