@@ -1,0 +1,124 @@
+#include "server/files.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/random.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+namespace radbake::server {
+namespace {
+
+[[noreturn]] void Fail(const std::string& what, const std::filesystem::path& path) {
+  throw std::system_error(errno, std::generic_category(), what + " " + path.string());
+}
+
+Descriptor Open(const std::filesystem::path& path, int flags) {
+  Descriptor file(::open(path.c_str(), flags | O_CLOEXEC | O_NOFOLLOW, 0600));
+  if (!file.open()) {
+    Fail("cannot open", path);
+  }
+  return file;
+}
+
+void Sync(const Descriptor& file, const std::filesystem::path& path) {
+  if (::fsync(file.get()) != 0) {
+    Fail("cannot sync", path);
+  }
+}
+
+}  // namespace
+
+Descriptor::Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+
+Descriptor& Descriptor::operator=(Descriptor&& other) noexcept {
+  if (this != &other) {
+    Close();
+    number_ = std::exchange(other.number_, -1);
+  }
+  return *this;
+}
+
+Descriptor::~Descriptor() {
+  Close();
+}
+
+void Descriptor::Close() {
+  if (open()) {
+    ::close(std::exchange(number_, -1));
+  }
+}
+
+NewFile::NewFile(std::filesystem::path temporary)
+    : temporary_(std::move(temporary)), file_(Open(temporary_, O_WRONLY | O_CREAT | O_EXCL)) {}
+
+NewFile::~NewFile() {
+  if (file_.open()) {
+    ::unlink(temporary_.c_str());
+  }
+}
+
+void NewFile::Append(std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(file_.get(), bytes.data(), bytes.size());
+    if (written < 0 && errno != EINTR) {
+      Fail("cannot write", temporary_);
+    }
+    bytes.remove_prefix(written < 0 ? 0 : static_cast<std::size_t>(written));
+  }
+}
+
+void NewFile::Publish(const std::filesystem::path& path) {
+  Sync(file_, temporary_);
+  std::filesystem::rename(temporary_, path);
+  file_.Close();
+}
+
+void Publish(const std::filesystem::path& written, const std::filesystem::path& path) {
+  Sync(Open(written, O_RDONLY), written);
+  std::filesystem::rename(written, path);
+}
+
+void SyncFolder(const std::filesystem::path& folder) {
+  Sync(Open(folder, O_RDONLY | O_DIRECTORY), folder);
+}
+
+void SyncTree(const std::filesystem::path& folder) {
+  SyncFolder(folder);
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    if (entry.is_directory()) {
+      SyncFolder(entry.path());
+    }
+  }
+}
+
+Descriptor LockFolder(const std::filesystem::path& folder) {
+  Descriptor lock = Open(folder / "lock", O_RDWR | O_CREAT);
+  if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
+    if (errno == EWOULDBLOCK) {
+      throw std::runtime_error("another radbaked uses the data folder " + folder.string());
+    }
+    Fail("cannot lock", folder);
+  }
+  return lock;
+}
+
+std::string RandomId() {
+  std::array<unsigned char, 16> bytes{};
+  if (::getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) {
+    throw std::system_error(errno, std::generic_category(), "cannot get random bits");
+  }
+  std::string id;
+  for (const unsigned char byte : bytes) {
+    id += "0123456789abcdef"[byte >> 4U];
+    id += "0123456789abcdef"[byte & 0xFU];
+  }
+  return id;
+}
+
+}  // namespace radbake::server

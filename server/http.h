@@ -1,0 +1,42 @@
+/// The service over HTTP (DESIGN section 2). Each answer is made as: parse, validate, call.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "server/jobs.h"
+
+namespace radbake::server {
+
+class HttpServer {
+ public:
+  struct Options {
+    std::string host = "127.0.0.1";
+    int port = 8080;                           ///< 0: any free one
+    std::uint64_t max_upload = 256ULL << 20U;  ///< bytes of a body
+  };
+
+  /// Binds the port: from here on connections are taken, and wait for Listen(). The jobs must outlive this
+  /// object. Throws std::runtime_error if the address cannot be had.
+  HttpServer(Jobs& jobs, const Options& options);
+  ~HttpServer();
+  HttpServer(const HttpServer&) = delete;
+  HttpServer& operator=(const HttpServer&) = delete;
+
+  /// http://host:port
+  std::string Url() const;
+  int port() const;
+
+  /// Answers requests until Stop(). True if that was the reason.
+  bool Listen();
+  /// From any thread, once: takes no more connections, refuses the uploads that are under way (503), and lets
+  /// the other requests end.
+  void Stop();
+
+ private:
+  class Implementation;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+}  // namespace radbake::server

@@ -1,0 +1,205 @@
+#include "server/http_request.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cstddef>
+#include <exception>
+#include <utility>
+
+#include "server/multipart.h"
+#include "server/problem.h"
+
+namespace radbake::server {
+namespace {
+
+constexpr std::size_t kLongestTarget = 1024;
+constexpr std::uint64_t kDrained = 4ULL << 20U;
+
+// Where Disarm() leaves the Content-Type.
+constexpr const char* kContentType = "Radbaked-Content-Type";
+
+bool IsId(std::string_view text) {
+  return text.size() == 32 && text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
+}
+
+bool Allows(Resource resource, std::string_view method) {
+  std::string_view allowed = Allowed(resource);
+  while (!allowed.empty()) {
+    const std::string_view one = allowed.substr(0, allowed.find(", "));
+    if (one == method) {
+      return true;
+    }
+    allowed.remove_prefix(std::min(one.size() + 2, allowed.size()));
+  }
+  return false;
+}
+
+}  // namespace
+
+Target ParsePath(std::string_view path) {
+  constexpr std::string_view kBakes = "/v1/bakes";
+  constexpr std::array<std::pair<std::string_view, Resource>, 4> kParts = {
+      {{"", Resource::kBake},
+       {"/cancel", Resource::kCancel},
+       {"/scene", Resource::kScene},
+       {"/statistics", Resource::kStatistics}}};
+  if (path == "/healthz") {
+    return {Resource::kHealth, ""};
+  }
+  if (path == kBakes) {
+    return {Resource::kBakes, ""};
+  }
+  if (!path.starts_with(kBakes) || path.substr(kBakes.size(), 1) != "/") {
+    return {};
+  }
+  path.remove_prefix(kBakes.size() + 1);
+  const std::size_t end = std::min(path.find('/'), path.size());
+  for (const auto& [part, resource] : kParts) {
+    if (IsId(path.substr(0, end)) && path.substr(end) == part) {
+      return {resource, std::string(path.substr(0, end))};
+    }
+  }
+  return {};
+}
+
+std::string_view Allowed(Resource resource) {
+  switch (resource) {
+    case Resource::kNone:
+      return "";
+    case Resource::kBakes:
+    case Resource::kCancel:
+      return "POST";
+    case Resource::kBake:
+      return "GET, HEAD, DELETE";
+    case Resource::kHealth:
+    case Resource::kScene:
+    case Resource::kStatistics:
+      return "GET, HEAD";
+  }
+  return "";
+}
+
+void Disarm(httplib::Request& request) {
+  request.ranges.clear();
+  request.headers.erase(kContentType);
+  if (request.has_header("Content-Type")) {
+    request.set_header(kContentType, request.get_header_value("Content-Type"));
+    request.headers.erase("Content-Type");
+  }
+}
+
+std::string ContentType(const httplib::Request& request) {
+  const bool renamed = request.has_header(kContentType);
+  return request.get_header_value(renamed ? kContentType : "Content-Type");
+}
+
+std::string MediaType(std::string_view content_type) {
+  std::string type(content_type.substr(0, content_type.find_first_of("; \t")));
+  std::transform(type.begin(), type.end(), type.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return type;
+}
+
+void CheckHead(const httplib::Request& request, std::uint64_t max_upload) {
+  if (request.target.size() > kLongestTarget) {
+    throw ProblemError(HttpProblem(414, "the request's target is longer than 1024 bytes"));
+  }
+  const Resource resource = ParsePath(request.path).resource;
+  if (resource == Resource::kNone) {
+    throw ProblemError(HttpProblem(404, "there is nothing at " + Quoted(request.path)));
+  }
+  if (!Allows(resource, request.method)) {
+    throw ProblemError(
+        HttpProblem(405, request.method + " is not allowed here, only " + std::string(Allowed(resource))));
+  }
+  if (resource != Resource::kBakes) {
+    return;
+  }
+  const std::string type = ContentType(request);
+  const bool multipart = MediaType(type) == "multipart/form-data";
+  if (!multipart && MediaType(type) != "model/gltf-binary" && MediaType(type) != "application/octet-stream") {
+    throw ProblemError(HttpProblem(
+        415, "the body is " + (type.empty() ? "of no type" : Quoted(type)) +
+                 ", and must be multipart/form-data, model/gltf-binary or application/octet-stream"));
+  }
+  if (request.has_header("Content-Encoding") && request.get_header_value("Content-Encoding") != "identity") {
+    throw ProblemError(HttpProblem(415, "the body must come without a Content-Encoding"));
+  }
+  if (multipart && MultipartBoundary(type).empty()) {
+    throw ProblemError(HttpProblem(400, "the Content-Type names no boundary of 1 to 70 characters"));
+  }
+  if (request.has_header("Transfer-Encoding")) {
+    if (request.get_header_value("Transfer-Encoding") != "chunked") {
+      throw ProblemError(HttpProblem(400, "the only Transfer-Encoding taken is \"chunked\""));
+    }
+    return;
+  }
+  if (!request.has_header("Content-Length")) {
+    throw ProblemError(HttpProblem(411, "the request has neither Content-Length nor Transfer-Encoding"));
+  }
+  const std::string length = request.get_header_value("Content-Length");
+  if (request.get_header_value_count("Content-Length") > 1 || length.empty() ||
+      length.find_first_not_of("0123456789") != std::string::npos) {
+    throw ProblemError(HttpProblem(400, "Content-Length is no number of bytes"));
+  }
+  if (length.size() > 19 || std::stoull(length) > max_upload) {
+    throw ProblemError(
+        TooLarge("the body has " + length + " bytes, at most " + std::to_string(max_upload) + " are taken"));
+  }
+}
+
+Body::Body(const httplib::Request& request, const httplib::ContentReader* reader,
+           const std::atomic<bool>& stopping)
+    : reader_(nullptr), stopping_(stopping) {
+  const bool empty =
+      !request.has_header("Transfer-Encoding") &&
+      (!request.has_header("Content-Length") || request.get_header_value("Content-Length") == "0");
+  reader_ = empty ? nullptr : reader;
+}
+
+void Body::Read(std::uint64_t most, const std::function<void(std::string_view)>& take) {
+  if (reader_ == nullptr) {
+    return;
+  }
+  const httplib::ContentReader& reader = *std::exchange(reader_, nullptr);
+  std::uint64_t taken = 0;
+  std::uint64_t drained = 0;
+  std::exception_ptr error;
+  const bool whole = reader([&](const char* data, std::size_t size) {
+    if (error) {
+      drained += size;
+      return drained <= kDrained && !stopping_;
+    }
+    try {
+      if (stopping_) {
+        throw ProblemError(HttpProblem(503, "the server is stopping"));
+      }
+      taken += size;
+      if (taken > most) {
+        throw ProblemError(
+            TooLarge("the body has more than the " + std::to_string(most) + " bytes that are taken"));
+      }
+      take({data, size});
+    } catch (...) {
+      error = std::current_exception();
+    }
+    return true;
+  });
+  if (error) {
+    std::rethrow_exception(error);
+  }
+  if (!whole) {
+    throw ProblemError(HttpProblem(400, "the body breaks off"));
+  }
+}
+
+void Body::Drain() {
+  try {
+    Read(0, [](std::string_view) {});
+  } catch (const ProblemError&) {
+    return;  // whoever drains has another answer
+  }
+}
+
+}  // namespace radbake::server

@@ -1,0 +1,139 @@
+// radbaked: the bake service. Exit codes: 0 stopped; 1 it cannot run; 2 bad usage.
+#include <fcntl.h>
+#include <pthread.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <thread>
+
+#include "server/http.h"
+#include "server/jobs.h"
+
+namespace {
+
+using radbake::server::HttpServer;
+using radbake::server::Workers;
+
+// What is opened first must not become somebody's standard output.
+void OpenStandardDescriptors() {
+  while (true) {
+    const int descriptor = ::open("/dev/null", O_RDWR | O_CLOEXEC);
+    if (descriptor < 0 || descriptor > STDERR_FILENO) {
+      ::close(descriptor);
+      return;
+    }
+  }
+}
+
+std::filesystem::path DefaultData() {
+  const char* state = std::getenv("XDG_STATE_HOME");
+  if (state != nullptr && *state == '/') {
+    return std::filesystem::path(state) / "radbake";
+  }
+  const char* home = std::getenv("HOME");
+  if (home == nullptr || *home == '\0') {
+    throw std::runtime_error("there is neither XDG_STATE_HOME nor HOME: --data says where the jobs are kept");
+  }
+  return std::filesystem::path(home) / ".local/state/radbake";
+}
+
+// HOST:PORT, with an IPv6 host in brackets.
+void ParseListen(const std::string& text, HttpServer::Options& options) {
+  const std::size_t colon = text.rfind(':');
+  const std::string port = colon == std::string::npos ? "" : text.substr(colon + 1);
+  std::string host = text.substr(0, std::min(colon, text.size()));
+  if (host.starts_with('[') && host.ends_with(']')) {
+    host = host.substr(1, host.size() - 2);
+  }
+  int number = -1;
+  const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), number);
+  if (host.empty() || error != std::errc() || end != port.data() + port.size() || number < 0 ||
+      number > 65535) {
+    throw CLI::ValidationError("--listen", "takes HOST:PORT, with a port from 0 to 65535");
+  }
+  options.host = host;
+  options.port = number;
+}
+
+sigset_t StopSignals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGTERM);
+  return signals;
+}
+
+void Serve(const std::filesystem::path& data, const Workers::Options& workers,
+           const HttpServer::Options& http) {
+  const sigset_t signals = StopSignals();
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);  // for every thread to come
+  radbake::server::Jobs jobs(data, workers);
+  HttpServer server(jobs, http);
+  std::printf("listening on %s\n", server.Url().c_str());
+  std::fflush(stdout);
+  spdlog::info("radbaked {}: {} at a time, in {}", RADBAKE_VERSION, workers.count, data.string());
+  std::thread listener([&] {
+    if (!server.Listen()) {
+      spdlog::error("the port is lost");
+      ::kill(::getpid(), SIGTERM);
+    }
+  });
+  int signal = 0;
+  sigwait(&signals, &signal);
+  spdlog::info("stopping");
+  server.Stop();
+  listener.join();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  OpenStandardDescriptors();
+  spdlog::set_default_logger(spdlog::stderr_color_mt("radbaked"));
+  const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
+  HttpServer::Options http;
+  Workers::Options workers;
+  workers.count = static_cast<int>(std::max(1U, cores / 2));
+  std::string listen = "127.0.0.1:8080";
+  std::string data;
+  std::string radbake = (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "radbake").string();
+  CLI::App app{"radbaked: bakes glTF scenes for whoever asks over HTTP", "radbaked"};
+  app.set_version_flag("--version", "radbaked " RADBAKE_VERSION);
+  app.add_option("--listen", listen, "HOST:PORT; port 0: any free one")->capture_default_str();
+  app.add_option("--data", data, "The folder of the jobs (default: radbake in the user's state folder)");
+  app.add_option("--workers", workers.count, "Bakes at a time")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  app.add_option("--radbake", radbake, "The program that bakes")->capture_default_str();
+  app.add_option("--max-upload", http.max_upload, "Bytes that a request may have")->capture_default_str();
+  try {
+    app.parse(argc, argv);
+    ParseListen(listen, http);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  try {
+    workers.threads = static_cast<int>(std::max(1U, cores / static_cast<unsigned>(workers.count)));
+    workers.radbake = std::filesystem::absolute(radbake);
+    if (::access(workers.radbake.c_str(), X_OK) != 0) {
+      throw std::runtime_error("there is no program " + radbake + ": --radbake says where it is");
+    }
+    Serve(data.empty() ? DefaultData() : std::filesystem::absolute(data), workers, http);
+    return 0;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "radbaked: %s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,214 @@
+#include "server/worker.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <system_error>
+#include <utility>
+
+namespace radbake::server {
+namespace {
+
+constexpr int kBaked = 0;
+constexpr int kBadInput = 2;
+constexpr std::chrono::seconds kRetry{1};
+
+// Without the name of the program that said it.
+std::string Reason(const ChildEnd& end) {
+  constexpr std::string_view kPrefix = "radbake: ";
+  std::string_view text = end.error;
+  if (text.starts_with(kPrefix)) {
+    text.remove_prefix(kPrefix.size());
+  }
+  return std::string(text);
+}
+
+std::string HowItEnded(const ChildEnd& end) {
+  const std::string how = end.signal != 0      ? "was killed by signal " + std::to_string(end.signal)
+                          : end.exit_code >= 0 ? "ended with exit code " + std::to_string(end.exit_code)
+                                               : "could not be run";
+  return end.error.empty() ? how : how + ": " + Reason(end);
+}
+
+void PublishResult(const JobFiles& files) {
+  Publish(files.Attempt() / "statistics.json", files.Statistics());
+  Publish(files.Attempt() / "baked.glb", files.Scene());
+  std::filesystem::remove_all(files.Attempt());
+  SyncFolder(files.folder);
+}
+
+}  // namespace
+
+void ReadProgress(std::string_view line, Live& live) {
+  const nlohmann::json told = nlohmann::json::parse(line, nullptr, false);
+  if (!told.is_object()) {
+    return;
+  }
+  if (const auto phase = told.find("phase"); phase != told.end() && phase->is_string()) {
+    live.phase = phase->get<std::string>();
+  }
+  if (const auto progress = told.find("progress"); progress != told.end() && progress->is_number()) {
+    live.progress = std::max(live.progress, std::clamp(progress->get<double>(), 0.0, 1.0));
+  }
+  for (const char* key : {"error", "seconds", "iteration"}) {
+    if (const auto value = told.find(key); value != told.end()) {
+      live.statistics[key] = *value;
+    }
+  }
+}
+
+Workers::Workers(Queue& queue, Options options, std::function<JobFiles(const std::string& id)> files)
+    : queue_(queue), options_(std::move(options)), files_(std::move(files)) {
+  for (int i = 0; i < options_.count; ++i) {
+    threads_.emplace_back([this] { Work(); });
+  }
+}
+
+Workers::~Workers() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    for (const auto& [id, running] : running_) {
+      running->stop.Raise();
+    }
+  }
+  changed_.notify_all();
+  for (std::thread& thread : threads_) {
+    thread.join();
+  }
+}
+
+void Workers::Wake() {
+  // Under the lock: a worker that has just found nothing must not miss it.
+  const std::lock_guard lock(mutex_);
+  changed_.notify_all();
+}
+
+bool Workers::Stop(const std::string& id) {
+  const std::lock_guard lock(mutex_);
+  const auto found = running_.find(id);
+  if (found == running_.end()) {
+    return false;
+  }
+  found->second->stop.Raise();
+  return true;
+}
+
+std::optional<Live> Workers::Find(const std::string& id) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = running_.find(id);
+  return found == running_.end() ? std::nullopt : std::optional(found->second->live);
+}
+
+bool Workers::stopping() const {
+  const std::lock_guard lock(mutex_);
+  return stopping_;
+}
+
+// The children die with the thread that started them: this loop is that thread's whole life.
+void Workers::Work() {
+  Job job;
+  while (const std::shared_ptr<Running> running = Claim(job)) {
+    Bake(job, *running);
+    {
+      const std::lock_guard lock(mutex_);
+      running_.erase(job.id);
+    }
+    try {
+      if (!queue_.Find(job.id)) {
+        std::filesystem::remove_all(files_(job.id).folder);
+      }
+    } catch (const std::exception& error) {
+      spdlog::error("job {}: {}", job.id, error.what());  // the next start removes what is left
+    }
+  }
+}
+
+// Claims and registers under one lock, so that Stop() finds every job that the queue calls running.
+std::shared_ptr<Workers::Running> Workers::Claim(Job& job) {
+  std::unique_lock lock(mutex_);
+  while (!stopping_) {
+    try {
+      if (std::optional<Job> claimed = queue_.Claim()) {
+        job = std::move(*claimed);
+        return running_[job.id] = std::make_shared<Running>();
+      }
+      changed_.wait(lock);
+    } catch (const std::exception& error) {
+      spdlog::error("no job can be taken: {}", error.what());
+      changed_.wait_for(lock, kRetry);
+    }
+  }
+  return nullptr;
+}
+
+void Workers::Bake(const Job& job, Running& running) {
+  spdlog::info("job {}: started", job.id);
+  ChildEnd end;
+  try {
+    end = RunBake(job, running);
+    if (end.exit_code == kBaked) {
+      PublishResult(files_(job.id));
+    }
+  } catch (const std::exception& error) {
+    end = {-1, 0, error.what()};
+  }
+  const double progress = Find(job.id).value_or(Live()).progress;
+  Persist([&] {
+    if (end.exit_code == kBaked) {
+      queue_.Finish(job.id, Status::kSucceeded, 1, std::nullopt);
+    } else if (end.exit_code == kBadInput) {
+      queue_.Finish(job.id, Status::kFailed, progress, BadScene(Reason(end)));
+    } else if (running.stop.raised()) {
+      queue_.Release(job.id, job.crashes);
+    } else if (job.crashes + 1 < kAttempts) {
+      queue_.Release(job.id, job.crashes + 1);
+    } else {
+      queue_.Finish(job.id, Status::kFailed, progress,
+                    BakeFailed("gave up after " + std::to_string(kAttempts) + " attempts: the last " +
+                               HowItEnded(end)));
+    }
+  });
+  spdlog::info("job {}: {}", job.id, HowItEnded(end));
+}
+
+ChildEnd Workers::RunBake(const Job& job, Running& running) {
+  const JobFiles files = files_(job.id);
+  // What an earlier attempt left behind, whoever still writes to it.
+  std::filesystem::remove_all(files.Attempt());
+  std::filesystem::create_directory(files.Attempt());
+  const ChildCommand command = {
+      options_.radbake,
+      {"bake", job.scene, "-o", "attempt/baked.glb", "--parameters", "parameters.json", "--statistics",
+       "attempt/statistics.json", "--progress", "json", "--threads", std::to_string(options_.threads)},
+      files.folder};
+  return RunChild(
+      command,
+      [&](std::string_view line) {
+        const std::lock_guard lock(mutex_);
+        ReadProgress(line, running.live);
+      },
+      running.stop);
+}
+
+// What is true must be written down, even if the disk is full for a while. If the server ends before it could
+// be, the job is found running at the next start, and runs again.
+void Workers::Persist(const std::function<void()>& change) {
+  while (true) {
+    try {
+      change();
+      return;
+    } catch (const std::exception& error) {
+      spdlog::error("will be tried again: {}", error.what());
+      std::unique_lock lock(mutex_);
+      if (stopping_) {
+        return;
+      }
+      changed_.wait_for(lock, kRetry);
+    }
+  }
+}
+
+}  // namespace radbake::server
