@@ -40,34 +40,60 @@ std::string Quoted(std::string_view text) {
   return quoted + (cut ? "…'" : "'");
 }
 
-Json ParseJson(std::string_view text, std::size_t depth) {
-  std::vector<std::set<std::string>> members;  // of the objects that are open
-  const auto check = [&](int level, Json::parse_event_t event, Json& parsed) {
-    switch (event) {
-      case Json::parse_event_t::object_start:
-      case Json::parse_event_t::array_start:
-        if (static_cast<std::size_t>(level) >= depth) {
-          throw InputError("JSON: nested deeper than " + std::to_string(depth) + " levels");
-        }
-        members.emplace_back();
-        break;
-      case Json::parse_event_t::key:
-        if (!members.back().insert(parsed.get_ref<const std::string&>()).second) {
-          throw InputError("JSON: member " + Quoted(parsed.get_ref<const std::string&>()) +
-                           " is twice in one object");
-        }
-        break;
-      case Json::parse_event_t::object_end:
-      case Json::parse_event_t::array_end:
-        members.pop_back();
-        break;
-      case Json::parse_event_t::value:
-        break;
+namespace {
+
+/// Looks through JSON before a document is made of it. (The parser's own callback for that walks a list again
+/// after each of its elements: a list of a million would take minutes.)
+class Inspector : public nlohmann::json_sax<Json> {
+ public:
+  explicit Inspector(std::size_t depth) : depth_(depth) {}
+
+  bool null() override { return true; }
+  bool boolean(bool /*value*/) override { return true; }
+  bool number_integer(number_integer_t /*value*/) override { return true; }
+  bool number_unsigned(number_unsigned_t /*value*/) override { return true; }
+  bool number_float(number_float_t /*value*/, const string_t& /*text*/) override { return true; }
+  bool string(string_t& /*value*/) override { return true; }
+  bool binary(binary_t& /*value*/) override { return true; }
+  bool start_object(std::size_t /*size*/) override { return Open(); }
+  bool key(string_t& name) override {
+    if (!members_.back().insert(name).second) {
+      throw InputError("JSON: member " + Quoted(name) + " is twice in one object");
     }
     return true;
-  };
+  }
+  bool end_object() override { return Close(); }
+  bool start_array(std::size_t /*size*/) override { return Open(); }
+  bool end_array() override { return Close(); }
+  bool parse_error(std::size_t /*position*/, const std::string& /*token*/,
+                   const nlohmann::detail::exception& /*error*/) override {
+    return false;  // the parser of the document says it better
+  }
+
+ private:
+  bool Open() {
+    if (members_.size() >= depth_) {
+      throw InputError("JSON: nested deeper than " + std::to_string(depth_) + " levels");
+    }
+    members_.emplace_back();
+    return true;
+  }
+  bool Close() {
+    members_.pop_back();
+    return true;
+  }
+
+  std::size_t depth_;
+  std::vector<std::set<std::string>> members_;  ///< of the objects and arrays that are open
+};
+
+}  // namespace
+
+Json ParseJson(std::string_view text, std::size_t depth) {
+  Inspector inspector(depth);
+  Json::sax_parse(text, &inspector);
   try {
-    Json root = Json::parse(text, check);
+    Json root = Json::parse(text);
     if (!root.is_object()) {
       throw InputError("JSON: not an object");
     }

@@ -106,15 +106,15 @@ View ReadView(const Json& view) {
           view.at("byteLength").get<std::size_t>(), 0};
 }
 
-/// The uncompressed data that was read is what stays.
-void DropMeshopt(Json& root, Json& view) {
+/// Takes the compressed twins of buffer views out: the data that was read, which is not compressed, is what
+/// stays.
+void DropMeshopt(Json& root) {
   constexpr const char* kMeshopt = "EXT_meshopt_compression";
-  const auto extensions = view.find("extensions");
-  if (extensions == view.end() || extensions->erase(kMeshopt) == 0) {
-    return;
-  }
-  if (extensions->empty()) {
-    view.erase("extensions");
+  for (Json& view : root["bufferViews"]) {
+    const auto extensions = view.find("extensions");
+    if (extensions != view.end() && extensions->erase(kMeshopt) != 0 && extensions->empty()) {
+      view.erase("extensions");
+    }
   }
   if (Json* used = Find(root, "extensionsUsed")) {
     used->erase(std::remove(used->begin(), used->end(), kMeshopt), used->end());
@@ -221,9 +221,9 @@ std::string Packer::PackViews() {
   if (views == nullptr) {
     return binary;
   }
+  DropMeshopt(root_);
   KeptRanges kept(file_.buffers);
-  for (Json& view : *views) {
-    DropMeshopt(root_, view);
+  for (const Json& view : *views) {
     if (const View old = ReadView(view); old.buffer < file_.buffers.size()) {
       kept.Add(old);
     }
