@@ -118,11 +118,12 @@ CheckSummary Check(const Scene& scene, const BakedTriangles& baked, const CheckO
 
   // The pilots only say how many paths a probe needs: a mean of paths whose number depends on them is biased.
   // Few batches say little of a variance, so half of the trust is in the mean variance of all probes.
-  const double count = static_cast<double>(probes.size());
+  const auto count = static_cast<double>(probes.size());
   const double target = options.probe_noise * options.probe_noise * energy.sum() / count;
   const auto paths_of = [&](std::size_t i) {
     const double expected = (pilots[i].variance.sum() + variance.sum() / count) / 2;
-    const double most = std::max<double>(1, static_cast<double>(options.max_paths / kBatches));
+    const auto most =
+        static_cast<double>(std::clamp<std::size_t>(options.max_paths / kBatches, 1, UINT32_MAX));
     const double paths = target > 0 ? std::ceil(expected / target) * kPilotPaths : most;
     return static_cast<std::uint32_t>(std::clamp<double>(paths, std::min<double>(kPilotPaths, most), most));
   };

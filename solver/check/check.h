@@ -16,7 +16,7 @@ struct CheckOptions {
   /// mean square irradiance. It is taken out of the result and only widens the intervals: as large as the
   /// error that is to be measured is small enough, and costs a quarter of half as large.
   double probe_noise = 0.02;
-  std::size_t max_paths = 65536;  ///< a probe's paths, at most; at least 8 are traced
+  std::size_t max_paths = 65536;  ///< a probe's paths, at most (8 at least), after 64 that try it
   std::uint64_t seed = 1;
   /// Asked now and then, on the caller's thread; true ends the check early with the probes done so far, which
   /// are spread over the whole scene, or none.

@@ -206,14 +206,14 @@ bool RayCaster::Occluded(const Vec3& a, const Vec3& b) const {
 }
 
 std::optional<RayCaster::Hit> RayCaster::Closest(const Vec3& origin, const Vec3& direction) const {
-  constexpr auto kInfinity = std::numeric_limits<float>::infinity();
+  constexpr auto kInfinity = std::numeric_limits<double>::infinity();
   RTCRayHit ray;
   SetRay(ray.ray, origin, direction.normalized(), kInfinity);
   ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   ClosestQuery query{.context = {},
                      .origin = &origin,
                      .direction = &direction,
-                     .embree_distance = kInfinity,
+                     .embree_distance = std::numeric_limits<float>::infinity(),
                      .triangle = kNone,
                      .distance = 0,
                      .front = false};
