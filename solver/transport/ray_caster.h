@@ -22,8 +22,10 @@ using Corners = std::array<Vec3, 3>;
 /// so no ray needs an offset. Neighbours whose shared corners are equal do not let a ray through between
 /// them.
 ///
-/// Not promised: which of two surfaces a few kPlaneTolerance apart Closest() finds, and what a ray does that
-/// passes within about kPlaneTolerance of a triangle's free edge, since Embree works in single precision.
+/// Not promised, since Embree works in single precision: which of two surfaces a few kPlaneTolerance apart
+/// Closest() finds; what a ray does that passes within about kPlaneTolerance of a triangle's free edge; that
+/// a ray aimed exactly at a corner where many triangles meet hits one of them (one in some hundred of these
+/// slips through).
 class RayCaster {
  public:
   /// What lies this near to a plane lies in it. Above the rounding of single-precision coordinates, which is
