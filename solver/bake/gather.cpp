@@ -56,12 +56,16 @@ Index Gatherer::SolverLeaf(Index element, const Vec3& x) const {
 }
 
 double Gatherer::PointVisibility(const Link& link, const Vec3& x, const Vec3& n, const Polygon& shooter,
-                                 double share, std::uint64_t key) const {
+                                 double share,
+                                 QuasiRandom<2>& random) const {
   if (link.clear) {
     return 1;
   }
-  const int rays = static_cast<int>(std::lround(std::min(1.0, share) * options_.rays));
-  return rays < 1 ? link.visibility : visibility_.FromPoint(x, n, shooter, Hash(key ^ link.shooter), rays);
+  // A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters.
+  constexpr double kNegligible = 0.02;
+  const double rays = std::min(1.0, share) * options_.rays;
+  return rays < kNegligible ? link.visibility
+                            : visibility_.FromPoint(x, n, shooter, random, std::max(1, static_cast<int>(std::lround(rays))));
 }
 
 Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
@@ -71,6 +75,7 @@ Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
   const Vec3& n = hierarchy_.PatchOf(leaf).normal;
   // A dark corner gets as many rays as its own light deserves, within reason.
   const double scale = std::max(Luminance(light_.irradiance[leaf]), 0.1 * typical_);
+  QuasiRandom<2> random(key);
   Rgb sum = Rgb::Zero();
   for (Index e = leaf; e != kNone; e = hierarchy_[e].parent) {
     for (const Link& link : links_.Into(e)) {
@@ -78,7 +83,7 @@ Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
       const Rgb open = PointToPolygon(x, n, shooter) * light_.radiosity[link.shooter];
       const double luminance = Luminance(open);
       if (luminance > 0) {
-        sum += open * PointVisibility(link, x, n, shooter, luminance / scale, key);
+        sum += open * PointVisibility(link, x, n, shooter, luminance / scale, random);
       }
     }
   }

@@ -31,7 +31,7 @@ class Gatherer {
 
  private:
   double PointVisibility(const Link& link, const Vec3& x, const Vec3& n, const Polygon& shooter, double share,
-                         std::uint64_t key) const;
+                         QuasiRandom<2>& random) const;
 
   const Hierarchy& hierarchy_;
   const Light& light_;

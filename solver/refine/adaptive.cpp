@@ -39,7 +39,10 @@ Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) con
   for (Index e = link.shooter; e != known; e = hierarchy[e].parent) {
     variation *= 0.5;
   }
-  const double by_shooter = variation * receiver.area * form_factor * link.visibility;
+  const double size = std::sqrt(shooter.area);
+  const double distance = (hierarchy.Shape(link.shooter).Centroid() - hierarchy.Shape(link.receiver).Centroid()).norm();
+  const double by_shooter = variation * form_factor * link.visibility * std::min(1.0, size / distance) *
+                            hierarchy.patches().area;
 
   if (by_kernel + by_visibility + by_shooter <= w_min_) {
     return Decision::kKeep;

@@ -1,9 +1,8 @@
 #include "solver/transport/visibility.h"
 
+#include <algorithm>
 #include <chrono>
 #include <vector>
-
-#include "solver/transport/sampling.h"
 
 namespace radbake {
 namespace {
@@ -15,6 +14,12 @@ std::vector<Corners> TrianglesOf(const Patches& patches) {
     triangles.push_back(blocker.corner);
   }
   return triangles;
+}
+
+/// cos θ_y / r³, so that times (y − x)·n_x it is cos θ_x·cos θ_y / r².
+double Kernel(const Vec3& x, const Vec3& y, const Vec3& normal_y) {
+  const double r2 = (y - x).squaredNorm();
+  return r2 > 0 ? std::max(0.0, (x - y).dot(normal_y)) / (r2 * r2) : 0;
 }
 
 /// Times one batch of rays.
@@ -46,33 +51,40 @@ double Visibility::BetweenElements(const Polygon& a, const Polygon& b, std::uint
     return 0;
   }
   QuasiRandom<4> random(key);
-  int open = 0;
+  double open = 0;
+  double all = 0;
   Batch batch(*this);
   for (int k = 0; k < rays; ++k) {
     const auto u = random.Next();
+    const Vec3 x = PointOn(front_a, u[0], u[1]);
+    const Vec3 y = PointOn(front_b, u[2], u[3]);
+    const double weight = std::max(0.0, (y - x).dot(a.normal)) * Kernel(x, y, b.normal);
     ++batch.rays;
-    open += caster_.Occluded(PointOn(front_a, u[0], u[1]), PointOn(front_b, u[2], u[3])) ? 0 : 1;
+    all += weight;
+    open += caster_.Occluded(x, y) ? 0 : weight;
   }
-  return static_cast<double>(open) / rays;
+  return all > 0 ? open / all : 0;
 }
 
-double Visibility::FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, std::uint64_t key,
+double Visibility::FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, QuasiRandom<2>& random,
                              int rays) const {
   const Polygon front = ClipToFront(polygon, {n, n.dot(x)});
   if (front.count == 0) {
     return 0;
   }
-  QuasiRandom<2> random(key);
-  int open = 0;
-  int cast = 0;
+  double open = 0;
+  double all = 0;
   Batch batch(*this);
   const int first = std::max(1, rays / 4);
-  for (; cast < rays && (cast < first || (open > 0 && open < cast)); ++cast) {
+  for (int cast = 0; cast < rays && (cast < first || (open > 0 && open < all)); ++cast) {
     const auto u = random.Next();
+    const Vec3 y = PointOn(front, u[0], u[1]);
+    const double weight = std::max(0.0, (y - x).dot(n)) * Kernel(x, y, polygon.normal);
     ++batch.rays;
-    open += caster_.Occluded(x, PointOn(front, u[0], u[1])) ? 0 : 1;
+    all += weight;
+    open += caster_.Occluded(x, y) ? 0 : weight;
   }
-  return static_cast<double>(open) / cast;
+  return all > 0 ? open / all : 0;
 }
 
 RayCount Visibility::Counted() const {

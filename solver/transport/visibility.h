@@ -7,6 +7,7 @@
 #include "solver/scene/patches.h"
 #include "solver/scene/polygon.h"
 #include "solver/transport/ray_caster.h"
+#include "solver/transport/sampling.h"
 #include "solver/transport/shaft.h"
 
 namespace radbake {
@@ -29,9 +30,9 @@ class Visibility {
   /// [0, 1].
   double BetweenElements(const Polygon& a, const Polygon& b, std::uint64_t key, int rays) const;
 
-  /// The share of rays from `x` to the polygon's part in front of the plane (x, n) that is not blocked. Casts
-  /// `rays` / 4, and the rest only if those disagree.
-  double FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, std::uint64_t key, int rays) const;
+  /// The same from `x` to the polygon's part in front of the plane (x, n). Casts `rays` / 4, at least one, and the
+  /// rest only if those disagree. Neighbouring polygons that take turns with one `random` stratify each other.
+  double FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, QuasiRandom<2>& random, int rays) const;
 
   const RayCaster& caster() const { return caster_; }
   RayCount Counted() const;
