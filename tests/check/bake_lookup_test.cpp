@@ -69,8 +69,9 @@ TEST(BakeLookup, TakesTheSideThatFacesTheSameWay) {
   AddQuad(scene, AddMaterial(scene, 0.5, 1, Sides::kBoth), Vec3::Zero(), Vec3::UnitX(), Vec3::UnitY());
   BakedTriangles baked = UniformBake(scene, 2);
   const std::size_t vertices = baked.positions.size();
+  baked.positions.reserve(2 * vertices);
   for (std::size_t i = 0; i < vertices; ++i) {
-    baked.positions.push_back(Vec3(baked.positions[i]));
+    baked.positions.push_back(baked.positions[i]);
     baked.irradiance.emplace_back(Rgb::Constant(9));
   }
   const auto shift = static_cast<Index>(vertices);
