@@ -13,7 +13,7 @@ double VisibilityUncertainty(const Link& link) {
   if (link.clear) {
     return 0;
   }
-  const double v = link.visibility;
+  const double v = link.judged;
   return std::max(kUnproved, 2 * std::sqrt(v * (1 - v)));
 }
 
@@ -30,7 +30,7 @@ Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) con
   const double passed_on = hierarchy.PatchOf(link.receiver).reflectance.maxCoeff();
   const double form_factor = link.form_factor;
 
-  const double by_kernel = radiosity * receiver.area * link.variation * link.visibility * passed_on;
+  const double by_kernel = radiosity * receiver.area * link.variation * link.judged * passed_on;
   const double by_visibility =
       radiosity * receiver.area * form_factor * VisibilityUncertainty(link) * passed_on;
   // An element that has just been divided has not been solved yet: half of its parent's variation is a fair
@@ -41,7 +41,7 @@ Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) con
   }
   const double size = std::sqrt(shooter.area);
   const double distance = (hierarchy.Shape(link.shooter).Centroid() - hierarchy.Shape(link.receiver).Centroid()).norm();
-  const double by_shooter = variation * form_factor * link.visibility * std::min(1.0, size / distance) *
+  const double by_shooter = variation * form_factor * link.judged * std::min(1.0, size / distance) *
                             hierarchy.patches().area;
 
   if (by_kernel + by_visibility + by_shooter <= w_min_) {

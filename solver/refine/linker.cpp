@@ -46,17 +46,20 @@ void Linker::MeasureVariation(Link& link, const Polygon& receiver, const Polygon
 void Linker::Measure(Link& link) const {
   const Polygon receiver = hierarchy_.Shape(link.receiver);
   const Polygon shooter = hierarchy_.Shape(link.shooter);
-  link.form_factor = static_cast<float>(ExchangeArea(receiver, shooter) / hierarchy_[link.receiver].area);
+  const double exchange_area = ExchangeArea(receiver, shooter);
+  link.form_factor = static_cast<float>(exchange_area / hierarchy_[link.receiver].area);
   if (!(link.form_factor > 0)) {
     return;
   }
   MeasureVariation(link, receiver, shooter);
   link.clear = link.clear || visibility_.Clear(receiver, shooter);
   if (link.clear) {
-    link.visibility = 1;
+    link.visibility = link.judged = 1;
   } else {
     const std::uint64_t key = Hash((static_cast<std::uint64_t>(link.receiver) << 32U) | link.shooter);
-    link.visibility = static_cast<float>(visibility_.BetweenElements(receiver, shooter, key, rays_));
+    const SampledVisibility sampled = visibility_.BetweenElements(receiver, shooter, exchange_area, key, rays_);
+    link.visibility = static_cast<float>(sampled.carried);
+    link.judged = static_cast<float>(sampled.judged);
   }
 }
 

@@ -18,6 +18,14 @@ struct RayCount {
   double seconds = 0;
 };
 
+/// Two independent samples of one visibility, each in [0, 1]. A link that is refined or kept by the same noise that
+/// it carries would carry too little: what is overestimated would be refined and measured again, and what is
+/// underestimated would stay.
+struct SampledVisibility {
+  double carried = 0;  ///< for transport
+  double judged = 0;   ///< for the oracle
+};
+
 /// Thread-safe. Results depend on the arguments alone.
 class Visibility {
  public:
@@ -28,7 +36,8 @@ class Visibility {
 
   /// The share of rays between the parts of the two polygons that face one another that is not blocked, in
   /// [0, 1].
-  double BetweenElements(const Polygon& a, const Polygon& b, std::uint64_t key, int rays) const;
+  SampledVisibility BetweenElements(const Polygon& a, const Polygon& b, double exchange_area, std::uint64_t key,
+                         int rays) const;
 
   /// The same from `x` to the polygon's part in front of the plane (x, n). Casts `rays` / 4, at least one, and the
   /// rest only if those disagree. Neighbouring polygons that take turns with one `random` stratify each other.

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "solver/hierarchy/hierarchy.h"
+#include "solver/transport/form_factor.h"
 #include "solver/transport/sampling.h"
 #include "solver/transport/visibility.h"
 #include "tests/test_scenes.h"
@@ -29,10 +30,10 @@ TEST(Occluders, NeverProveAPairClearThatARayFindsBlocked) {
     const auto b = static_cast<Index>(Hash(2 * k + 1) % hierarchy.size());
     const Polygon p = hierarchy.Shape(a);
     const Polygon q = hierarchy.Shape(b);
-    if (ClipToFront(p, PlaneOf(q)).count == 0 || ClipToFront(q, PlaneOf(p)).count == 0) {
+    if (ExchangeArea(p, q) == 0) {
       continue;
     }
-    const bool open = visibility.BetweenElements(p, q, k, 8) == 1;
+    const bool open = visibility.BetweenElements(p, q, ExchangeArea(p, q), k, 8).judged == 1;
     if (visibility.Clear(p, q)) {
       ++clear;
       EXPECT_TRUE(open) << "elements " << a << " and " << b;
@@ -55,8 +56,8 @@ TEST(Occluders, ProveMostOpenPairsOfARoomWithOneSlabClear) {
   for (Index k = 0; k < 20'000; ++k) {
     const Polygon p = hierarchy.Shape(static_cast<Index>(Hash(3 * k) % hierarchy.size()));
     const Polygon q = hierarchy.Shape(static_cast<Index>(Hash(3 * k + 1) % hierarchy.size()));
-    if (ClipToFront(p, PlaneOf(q)).count > 0 && ClipToFront(q, PlaneOf(p)).count > 0 &&
-        visibility.BetweenElements(p, q, k, 32) == 1) {
+    if (ExchangeArea(p, q) > 0 &&
+        visibility.BetweenElements(p, q, ExchangeArea(p, q), k, 32).judged == 1) {
       ++open;
       proved += visibility.Clear(p, q) ? 1U : 0U;
     }
