@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <span>
 #include <utility>
@@ -80,40 +81,41 @@ double PointSegmentDistance(const Vec3& p, const Edge& edge) {
   return (edge.start + t * edge.direction - p).norm();
 }
 
-double SegmentDistance(const Edge& a, const Edge& b) {
-  // Ericson 2005, section 5.1.9, for unit directions.
-  const Vec3 r = a.start - b.start;
-  const double cosine = a.direction.dot(b.direction);
-  const double c = a.direction.dot(r);
-  const double f = b.direction.dot(r);
-  const double denominator = 1 - cosine * cosine;
-  double s = denominator > 1e-12 ? std::clamp((cosine * f - c) / denominator, 0.0, a.length) : 0;
-  const double t = std::clamp(cosine * s + f, 0.0, b.length);
-  s = std::clamp(cosine * t - c, 0.0, a.length);
-  return (a.start + s * a.direction - b.start - t * b.direction).norm();
+/// How far off `outer`, in its complexified parameter, the root of the distance to the line through `inner`
+/// lies: at t0 ± i·d/sin θ, t0 the point of `outer` next to that line, d the distance of both lines, θ their
+/// angle. It counts only beside `inner` itself. Edges that are all but one line, as rounding makes them, have
+/// it far away though they are close.
+double LineRootDistance(const Edge& outer, const Edge& inner) {
+  const Vec3 r = outer.start - inner.start;
+  const Vec3 across = outer.direction.cross(inner.direction);
+  const double sine2 = across.squaredNorm();
+  const double t0 = inner.direction.cross(r).dot(across) / sine2;
+  const double beside = (r + t0 * outer.direction).dot(inner.direction);
+  if (beside < 0 || beside > inner.length) {
+    return std::numeric_limits<double>::infinity();
+  }
+  return std::hypot(t0 - std::clamp(t0, 0.0, outer.length), r.dot(across) / sine2);
 }
 
 /// ∫ over `outer` of LogIntegral(·, inner). The integrand is analytic but where `outer` comes close to the
-/// ends of `inner`, or to `inner` itself if they are not parallel: halved until the distance is as large as
-/// the piece, the rule converges geometrically.
-double EdgePairIntegral(const Edge& outer, const Edge& inner, bool parallel, int depth) {
-  double distance = 0;
-  if (parallel) {
-    distance = std::min(PointSegmentDistance(inner.start, outer),
-                        PointSegmentDistance(inner.start + inner.length * inner.direction, outer));
-  } else {
-    distance = SegmentDistance(outer, inner);
+/// ends of `inner`, or to the line through it if they are not parallel: halved until the distance is as large
+/// as the piece, the rule converges geometrically.
+double EdgePairIntegral(const Edge& outer, const Edge& inner, bool parallel) {
+  double distance = std::min(PointSegmentDistance(inner.start, outer),
+                             PointSegmentDistance(inner.start + inner.length * inner.direction, outer));
+  if (!parallel) {
+    distance = std::min(distance, LineRootDistance(outer, inner));
   }
-  constexpr int kMaxDepth = 40;
-  if (distance < outer.length && depth < kMaxDepth) {
+  // Pieces of rounding's size all lie at one point, and matter to nothing.
+  constexpr double kShortest = 1e-14;
+  if (distance < outer.length && outer.length > kShortest) {
     const double half = 0.5 * outer.length;
-    return EdgePairIntegral({outer.start, outer.direction, half}, inner, parallel, depth + 1) +
-           EdgePairIntegral({outer.start + half * outer.direction, outer.direction, half}, inner, parallel,
-                            depth + 1);
+    return EdgePairIntegral({outer.start, outer.direction, half}, inner, parallel) +
+           EdgePairIntegral({outer.start + half * outer.direction, outer.direction, half}, inner, parallel);
   }
   // An n-point rule errs by ρ^(−2n), ρ the sum of the semi-axes of the largest ellipse of analyticity; the
   // terms of the contour cancel down to about (length/distance)² of their size.
-  const double ratio = depth < kMaxDepth ? 2 * distance / outer.length : 2;
+  const double ratio = std::max(1.0, 2 * distance / outer.length);
   const double rho = ratio + std::sqrt(1 + ratio * ratio);
   const int n =
       std::clamp(static_cast<int>(std::ceil((0.5 * std::log(1e9) + std::log(ratio)) / std::log(rho))), 3,
@@ -209,8 +211,8 @@ double ExchangeArea(const Polygon& i, const Polygon& j) {
       if (std::abs(cosine) > 1e-15) {
         const bool parallel = std::abs(cosine) > 1 - 1e-12;
         // The shorter edge outside: fewer points, and the closed form takes the long way.
-        sum += cosine * (a.length < b.length ? EdgePairIntegral(a, b, parallel, 0)
-                                             : EdgePairIntegral(b, a, parallel, 0));
+        sum += cosine *
+               (a.length < b.length ? EdgePairIntegral(a, b, parallel) : EdgePairIntegral(b, a, parallel));
       }
     }
   }

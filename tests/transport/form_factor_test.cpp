@@ -72,9 +72,26 @@ TEST(ExchangeArea, OfTouchingPerpendicularRectanglesIsTheCatalogues) {
   }
 }
 
+TEST(ExchangeArea, OfSquaresThatTouchButForRoundingIsThatOfThoseThatDo) {
+  const double touching = PerpendicularRectangles(1, 1);
+  for (const double off : {1e-8, 1e-7, 1e-6, 1e-5}) {
+    // The wall's edge lies askew beside the floor's, or crosses over it.
+    const Polygon beside = Quad({off, 0, off}, {off, 1, 0.1 * off}, {0, 1, 1}, {0, 0, 1});
+    const Polygon across = Quad({off, 0, 0.1 * off}, {-off, 1, 0.1 * off}, {-off, 1, 1}, {off, 0, 1});
+    EXPECT_NEAR(ExchangeArea(kFloor, beside), touching, 3 * off);
+    EXPECT_NEAR(ExchangeArea(kFloor, across), touching, 3 * off);
+  }
+}
+
+TEST(ExchangeArea, OfAWallThatReachesBelowTheFloorByRoundingIsThatOfOneThatStandsOnIt) {
+  // Clipped at the floor's plane, the wall keeps sides of hardly any length at its lower corners.
+  const Polygon wall = Quad({0, 0, -1e-9}, {0, 1, 1e-9}, {0, 1, 1}, {0, 0, 1});
+  EXPECT_NEAR(ExchangeArea(kFloor, wall), PerpendicularRectangles(1, 1), 1e-8);
+}
+
 TEST(ExchangeArea, OfElementsOfTouchingSquaresAddsUpToTheWhole) {
   const Polygon wall = Quad({0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1});
-  constexpr int kCells = 4;
+  static constexpr int kCells = 4;
   double sum = 0;
   const auto cell = [](const Polygon& whole, int row, int column) {
     const auto at = [&](int u, int v) -> Vec3 {
