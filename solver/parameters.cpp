@@ -17,7 +17,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr std::size_t kMaxBytes = 64 * 1024;
+constexpr std::size_t kMaxKib = 64;
 constexpr int kMaxDepth = 8;
 constexpr std::size_t kMaxProbes = 1'000'000;
 constexpr double kMaxSeconds = 1e6;
@@ -57,7 +57,7 @@ bool ReadNumber(const Json& value, double low, double high, Number& out) {
     return false;
   }
   const auto number = value.get<double>();
-  if (!(number >= low && number <= high)) {
+  if (number < low || number > high) {
     return false;
   }
   out = number;
@@ -218,8 +218,8 @@ std::string Place(const Json::parse_error& error) {
 }
 
 Json ParseGuarded(std::string_view text) {
-  if (text.size() > kMaxBytes) {
-    throw InputError("parameters: longer than " + std::to_string(kMaxBytes / 1024) + " KiB");
+  if (text.size() > kMaxKib * 1024) {
+    throw InputError("parameters: longer than " + std::to_string(kMaxKib) + " KiB");
   }
   try {
     return Json::parse(text,

@@ -157,6 +157,7 @@ void CheckWritable(const std::string& path) {
 
 void WriteWhole(std::span<const OutputFile> files) {
   std::vector<std::unique_ptr<TemporaryFile>> temporaries;
+  temporaries.reserve(files.size());
   for (std::size_t i = 0; i < files.size(); ++i) {
     temporaries.push_back(std::make_unique<TemporaryFile>(files[i], unfinished_paths.at(i)));
   }

@@ -66,11 +66,8 @@ class RadbakeTest : public ::testing::Test {
   pid_t Start(const std::vector<std::string>& arguments, int error_terminal = -1) const {
     std::vector<std::string> words{RADBAKE_BINARY_DIR "/radbake"};
     words.insert(words.end(), arguments.begin(), arguments.end());
-    std::vector<char*> argv;
-    for (std::string& word : words) {
-      argv.push_back(word.data());
-    }
-    argv.push_back(nullptr);
+    std::vector<char*> argv(words.size() + 1);
+    std::ranges::transform(words, argv.begin(), [](std::string& word) { return word.data(); });
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC;
