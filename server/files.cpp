@@ -74,7 +74,6 @@ void NewFile::Append(std::string_view bytes) {
 }
 
 void NewFile::Publish(const std::filesystem::path& path) {
-  Sync(file_, temporary_);
   std::filesystem::rename(temporary_, path);
   file_.Close();
 }
@@ -89,12 +88,10 @@ void SyncFolder(const std::filesystem::path& folder) {
 }
 
 void SyncTree(const std::filesystem::path& folder) {
-  SyncFolder(folder);
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
-    if (entry.is_directory()) {
-      SyncFolder(entry.path());
-    }
+    Sync(Open(entry.path(), O_RDONLY), entry.path());
   }
+  SyncFolder(folder);
 }
 
 Descriptor LockFolder(const std::filesystem::path& folder) {

@@ -37,8 +37,7 @@ class NewFile {
   ~NewFile();
 
   void Append(std::string_view bytes);
-  /// Syncs the content and gives the file its name, replacing what had it. The name itself is durable after
-  /// SyncFolder() on its folder.
+  /// Gives the file its name, replacing what had it. Durable after SyncTree().
   void Publish(const std::filesystem::path& path);
 
  private:
@@ -52,7 +51,7 @@ void Publish(const std::filesystem::path& written, const std::filesystem::path& 
 /// Makes the names inside a folder durable.
 void SyncFolder(const std::filesystem::path& folder);
 
-/// SyncFolder() for a folder and every folder below it.
+/// Makes a folder durable with all that is in it.
 void SyncTree(const std::filesystem::path& folder);
 
 /// An exclusive lock for as long as the descriptor lives, and for as long as the process lives. Throws

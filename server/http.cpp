@@ -40,12 +40,16 @@ void Answer(Response& response, const Problem& problem) {
   response.set_content(ToText(ToJson(problem)), "application/problem+json");
 }
 
+void SetRetryAfter(Response& response, const Job& job) {
+  if (!Ended(job.status)) {
+    response.set_header("Retry-After", "1");
+  }
+}
+
 void Answer(Response& response, int status, const JobView& view) {
   response.status = status;
   response.set_content(ToText(ToJson(view)), "application/json");
-  if (!Ended(view.job.status)) {
-    response.set_header("Retry-After", "1");
-  }
+  SetRetryAfter(response, view.job);
 }
 
 void Refuse(const Request& request, Response& response, const Problem& problem) {
@@ -64,6 +68,7 @@ void SendResult(Response& response, const JobView& view, const std::filesystem::
                 const char* type) {
   const Job& job = view.job;
   if (job.status != Status::kSucceeded) {
+    SetRetryAfter(response, job);
     const std::string reason = job.problem ? ": " + job.problem->detail : "";
     throw ProblemError(NoResult("the job is " + std::string(ToString(job.status)) + reason));
   }

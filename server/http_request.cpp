@@ -35,6 +35,14 @@ bool Allows(Resource resource, std::string_view method) {
   return false;
 }
 
+bool IsNumber(std::string_view text) {
+  return !text.empty() && text.find_first_not_of("0123456789") == std::string_view::npos;
+}
+
+bool IsChunked(const httplib::Request& request) {
+  return request.get_header_value("Transfer-Encoding") == "chunked";
+}
+
 }  // namespace
 
 Target ParsePath(std::string_view path) {
@@ -130,7 +138,7 @@ void CheckHead(const httplib::Request& request, std::uint64_t max_upload) {
     throw ProblemError(HttpProblem(400, "the Content-Type names no boundary of 1 to 70 characters"));
   }
   if (request.has_header("Transfer-Encoding")) {
-    if (request.get_header_value("Transfer-Encoding") != "chunked") {
+    if (!IsChunked(request)) {
       throw ProblemError(HttpProblem(400, "the only Transfer-Encoding taken is \"chunked\""));
     }
     return;
@@ -139,8 +147,7 @@ void CheckHead(const httplib::Request& request, std::uint64_t max_upload) {
     throw ProblemError(HttpProblem(411, "the request has neither Content-Length nor Transfer-Encoding"));
   }
   const std::string length = request.get_header_value("Content-Length");
-  if (request.get_header_value_count("Content-Length") > 1 || length.empty() ||
-      length.find_first_not_of("0123456789") != std::string::npos) {
+  if (request.get_header_value_count("Content-Length") > 1 || !IsNumber(length)) {
     throw ProblemError(HttpProblem(400, "Content-Length is no number of bytes"));
   }
   if (length.size() > 19 || std::stoull(length) > max_upload) {
@@ -152,10 +159,9 @@ void CheckHead(const httplib::Request& request, std::uint64_t max_upload) {
 Body::Body(const httplib::Request& request, const httplib::ContentReader* reader,
            const std::atomic<bool>& stopping)
     : reader_(nullptr), stopping_(stopping) {
-  const bool empty =
-      !request.has_header("Transfer-Encoding") &&
-      (!request.has_header("Content-Length") || request.get_header_value("Content-Length") == "0");
-  reader_ = empty ? nullptr : reader;
+  const std::string length = request.get_header_value("Content-Length");
+  const bool some = IsChunked(request) || (IsNumber(length) && length != "0");
+  reader_ = some ? reader : nullptr;
 }
 
 void Body::Read(std::uint64_t most, const std::function<void(std::string_view)>& take) {

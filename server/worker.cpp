@@ -28,7 +28,7 @@ std::string Reason(const ChildEnd& end) {
 std::string HowItEnded(const ChildEnd& end) {
   const std::string how = end.signal != 0      ? "was killed by signal " + std::to_string(end.signal)
                           : end.exit_code >= 0 ? "ended with exit code " + std::to_string(end.exit_code)
-                                               : "could not be run";
+                                               : "left no result";
   return end.error.empty() ? how : how + ": " + Reason(end);
 }
 
@@ -153,7 +153,8 @@ void Workers::Bake(const Job& job, Running& running) {
       PublishResult(files_(job.id));
     }
   } catch (const std::exception& error) {
-    end = {-1, 0, error.what()};
+    spdlog::error("job {}: {}", job.id, error.what());
+    end = {-1, 0, ""};  // the client need not learn the server's paths
   }
   const double progress = Find(job.id).value_or(Live()).progress;
   Persist([&] {

@@ -1,0 +1,161 @@
+// The program radbaked: how it starts and stops, and what a kill leaves behind.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <sstream>
+#include <thread>
+
+#include "tests/server/service_test.h"
+
+namespace radbake::server {
+namespace {
+
+using ::testing::ElementsAre;
+
+class DaemonTest : public testing::Test {
+ protected:
+  // $test: the test's own folder.
+  std::filesystem::path Program(const std::string& script) const {
+    return WriteProgram(folder() / "radbake", "test=" + folder().string() + "\n" + script);
+  }
+  const std::filesystem::path& folder() const { return folder_.path(); }
+  std::filesystem::path data() const { return folder() / "data"; }
+  std::ptrdiff_t Lines(const std::string& name) const {
+    const std::string text = ReadFile(folder() / name);
+    return std::count(text.begin(), text.end(), '\n');
+  }
+  // No child that wrote its process id to $test/pids runs; a dead one may wait to be reaped by whoever does
+  // that.
+  bool ChildrenAreGone() const {
+    std::istringstream pids(ReadFile(folder() / "pids"));
+    for (std::string pid; std::getline(pids, pid);) {
+      const std::string stat = ReadFile("/proc/" + pid + "/stat");
+      if (!stat.empty() && stat.substr(stat.rfind(')'), 3) != ") Z") {
+        return false;
+      }
+    }
+    return true;
+  }
+  // Only what a job that has succeeded keeps.
+  void ExpectNothingLeftOver(const std::string& job) const {
+    const std::filesystem::path jobs = data() / "jobs";
+    const std::string id = job.substr(job.rfind('/') + 1);
+    EXPECT_THAT(ListTree(jobs),
+                ElementsAre(id, id + "/baked.glb", id + "/parameters.json", id + "/statistics.json",
+                            id + "/upload", id + "/upload/scene.glb"));
+  }
+
+ private:
+  TemporaryFolder folder_;
+};
+
+TEST_F(DaemonTest, StopsCleanlyOnSigterm) {
+  Daemon daemon(data(), Program("echo $$ >> $test/pids; exec sleep 1000"));
+  ASSERT_NE(daemon.port(), 0);
+  daemon.client().WaitFor(daemon.client().PostScene(), "running");
+  EXPECT_TRUE(Eventually([&] { return Lines("pids") == 1; }));
+  EXPECT_EQ(daemon.End(SIGTERM), 0);
+  EXPECT_TRUE(ChildrenAreGone());
+}
+
+TEST_F(DaemonTest, RefusesToStartWithAnErrorWhenItCannotServe) {
+  const std::filesystem::path program = Program(kBakes);
+  Daemon first(data(), program);
+  ASSERT_NE(first.port(), 0);
+  EXPECT_EQ(Daemon(data(), program).End(0), 1) << "the folder is taken";
+  EXPECT_EQ(
+      Daemon(folder() / "other", program, {"--listen", "127.0.0.1:" + std::to_string(first.port())}).End(0),
+      1)
+      << "the port is taken";
+  EXPECT_EQ(Daemon(folder() / "other", folder() / "none").End(0), 1) << "there is no radbake";
+  EXPECT_EQ(Daemon(folder() / "other", program, {"--workers", "0"}).End(0), 2);
+  EXPECT_EQ(Daemon(folder() / "other", program, {"--listen", "localhost"}).End(0), 2);
+  EXPECT_EQ(Daemon(folder() / "other", program, {"--listen", "127.0.0.1:70000"}).End(0), 2);
+}
+
+TEST_F(DaemonTest, FinishesAfterAKillWhatWasQueued) {
+  const std::filesystem::path program =
+      Program("echo $$ >> $test/pids; [ -e $test/go ] || exec sleep 1000" + kBakes);
+  Daemon killed(data(), program);
+  ASSERT_NE(killed.port(), 0);
+  const std::string running = killed.client().PostScene();
+  killed.client().WaitFor(running, "running");
+  const std::string queued = killed.client().PostScene();
+  EXPECT_TRUE(Eventually([&] { return Lines("pids") == 1; }));
+  EXPECT_EQ(killed.End(SIGKILL), -SIGKILL);
+  EXPECT_TRUE(Eventually([&] { return ChildrenAreGone(); })) << "the child dies with its server";
+
+  WriteFile(folder() / "go", "");
+  Daemon next(data(), program);
+  ASSERT_NE(next.port(), 0);
+  next.client().WaitFor(running, "succeeded");
+  next.client().WaitFor(queued, "succeeded");
+  EXPECT_EQ(Lines("pids"), 3);
+  EXPECT_EQ(next.client().Get(queued + "/scene").body, "glTF baked");
+}
+
+TEST_F(DaemonTest, KeepsAResultThatWasThereBeforeTheKill) {
+  const std::filesystem::path program = Program("echo $$ >> $test/pids" + kBakes);
+  Daemon killed(data(), program);
+  ASSERT_NE(killed.port(), 0);
+  const std::string job = killed.client().PostScene();
+  killed.client().WaitFor(job, "succeeded");
+  EXPECT_EQ(killed.End(SIGKILL), -SIGKILL);
+
+  Daemon next(data(), program);
+  ASSERT_NE(next.port(), 0);
+  EXPECT_EQ(next.client().Get(job).Json().at("status"), "succeeded");
+  EXPECT_EQ(next.client().Get(job + "/scene").body, "glTF baked");
+  EXPECT_EQ(Lines("pids"), 1) << "it is not baked twice";
+  ExpectNothingLeftOver(job);
+}
+
+TEST_F(DaemonTest, EndsEachJobOnceHoweverOftenItIsKilled) {
+  // Long enough that kills hit all of: the queue, the start, the child, the writing down of the result.
+  const std::filesystem::path program = Program("echo $$ >> $test/pids; sleep 0.03" + kBakes);
+  std::string job;
+  {
+    Daemon daemon(data(), program);
+    ASSERT_NE(daemon.port(), 0);
+    job = daemon.client().PostScene();
+    daemon.End(SIGKILL);
+  }
+  for (int i = 0; i < 12; ++i) {
+    Daemon daemon(data(), program);
+    ASSERT_NE(daemon.port(), 0);
+    std::this_thread::sleep_for(std::chrono::milliseconds(5 * i));
+    daemon.End(SIGKILL);
+    EXPECT_TRUE(Eventually([&] { return ChildrenAreGone(); }));
+  }
+  Daemon last(data(), program);
+  ASSERT_NE(last.port(), 0);
+  EXPECT_EQ(last.client().WaitFor(job, "succeeded").at("progress"), 1);
+  EXPECT_EQ(last.client().Get(job + "/scene").body, "glTF baked");
+  ExpectNothingLeftOver(job);
+}
+
+TEST_F(DaemonTest, LeavesNothingOfAnUploadThatAKillBrokeOff) {
+  const std::filesystem::path program = Program(kBakes);
+  {
+    Daemon killed(data(), program);
+    ASSERT_NE(killed.port(), 0);
+    std::thread uploader([&] {
+      killed.client().Request("POST", "/v1/bakes",
+                              "Content-Type: model/gltf-binary\r\nContent-Length: 100000\r\n",
+                              Glb("half of it"));
+    });
+    EXPECT_TRUE(Eventually([&] {
+      return std::filesystem::exists(data() / "jobs") && !std::filesystem::is_empty(data() / "jobs");
+    }));
+    killed.End(SIGKILL);
+    uploader.join();
+  }
+  Daemon next(data(), program);
+  ASSERT_NE(next.port(), 0);
+  EXPECT_TRUE(std::filesystem::is_empty(data() / "jobs"));
+}
+
+}  // namespace
+}  // namespace radbake::server

@@ -1,0 +1,241 @@
+#include "tests/server/service_test.h"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <spdlog/spdlog.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+#include <system_error>
+
+namespace radbake::server {
+namespace {
+
+std::string Lower(std::string text) {
+  for (char& c : text) {
+    c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  return text;
+}
+
+Answer ParseAnswer(const std::string& text) {
+  Answer answer;
+  const std::size_t head_end = text.find("\r\n\r\n");
+  if (head_end == std::string::npos || !text.starts_with("HTTP/1.1 ")) {
+    return answer;
+  }
+  answer.status = std::atoi(text.c_str() + 9);
+  answer.body = text.substr(head_end + 4);
+  std::istringstream head(text.substr(0, head_end));
+  std::string line;
+  std::getline(head, line);
+  while (std::getline(head, line)) {
+    const std::size_t colon = line.find(": ");
+    line.erase(line.find_last_not_of('\r') + 1);
+    answer.headers[Lower(line.substr(0, colon))] = line.substr(colon + 2);
+  }
+  return answer;
+}
+
+// Requests and jobs are logged; a test's own output is not to be found among that.
+const bool kQuiet = (spdlog::set_level(spdlog::level::off), true);
+
+}  // namespace
+
+TemporaryFolder::TemporaryFolder() {
+  std::string name = (std::filesystem::temp_directory_path() / "radbaked-test-XXXXXX").string();
+  if (::mkdtemp(name.data()) == nullptr) {
+    throw std::runtime_error("mkdtemp");
+  }
+  path_ = name;
+}
+
+TemporaryFolder::~TemporaryFolder() {
+  std::error_code ignored;
+  std::filesystem::remove_all(path_, ignored);
+}
+
+std::string ReadFile(const std::filesystem::path& path) {
+  std::ostringstream text;
+  text << std::ifstream(path, std::ios::binary).rdbuf();
+  return text.str();
+}
+
+void WriteFile(const std::filesystem::path& path, const std::string& text) {
+  std::ofstream(path, std::ios::binary) << text;
+}
+
+std::vector<std::string> ListTree(const std::filesystem::path& folder) {
+  std::vector<std::string> paths;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    paths.push_back(entry.path().lexically_relative(folder).string());
+  }
+  std::sort(paths.begin(), paths.end());
+  return paths;
+}
+
+bool Eventually(const std::function<bool()>& done) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+  while (std::chrono::steady_clock::now() < end) {
+    if (done()) {
+      return true;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return false;
+}
+
+std::filesystem::path WriteProgram(const std::filesystem::path& path, const std::string& script) {
+  WriteFile(path, "#!/bin/sh\n" + script);
+  std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+  return path;
+}
+
+Descriptor Connect(int port, const std::string& bytes) {
+  Descriptor connection(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<std::uint16_t>(port));
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  if (::connect(connection.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
+    return {};
+  }
+  for (std::size_t sent = 0; sent < bytes.size();) {
+    const ssize_t count = ::send(connection.get(), bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL);
+    if (count <= 0) {
+      break;  // it has answered already
+    }
+    sent += static_cast<std::size_t>(count);
+  }
+  return connection;
+}
+
+Answer Send(int port, const std::string& bytes) {
+  const Descriptor connection = Connect(port, bytes);
+  std::string text;
+  std::array<char, 65536> buffer{};
+  for (ssize_t count = 0; (count = ::recv(connection.get(), buffer.data(), buffer.size(), 0)) > 0;) {
+    text.append(buffer.data(), static_cast<std::size_t>(count));
+  }
+  return ParseAnswer(text);
+}
+
+Answer Client::Request(const std::string& method, const std::string& path, const std::string& headers,
+                       const std::string& body) const {
+  return Send(port_, method + " " + path + " HTTP/1.1\r\nHost: localhost\r\n" + headers + "\r\n" + body);
+}
+
+Answer Client::Post(const std::string& body, const std::string& type) const {
+  return Request("POST", "/v1/bakes",
+                 "Content-Type: " + type + "\r\nContent-Length: " + std::to_string(body.size()) + "\r\n",
+                 body);
+}
+
+Answer Client::PostForm(const std::vector<FormPart>& parts) const {
+  std::string body;
+  for (const FormPart& part : parts) {
+    body += "--border\r\nContent-Disposition: form-data; name=\"" + part.name + "\"";
+    body += part.filename.empty() ? "" : "; filename=\"" + part.filename + "\"";
+    body += "\r\n\r\n" + part.content + "\r\n";
+  }
+  return Post(body + "--border--\r\n", "multipart/form-data; boundary=border");
+}
+
+std::string Client::PostScene() const {
+  const Answer answer = Post(Glb(), "model/gltf-binary");
+  EXPECT_EQ(answer.status, 202) << answer.body;
+  return answer.headers.contains("location") ? answer.headers.at("location") : "";
+}
+
+nlohmann::json Client::WaitFor(const std::string& job, const std::string& status) const {
+  nlohmann::json seen;
+  EXPECT_TRUE(Eventually([&] {
+    const Answer answer = Get(job);
+    seen = answer.Json();
+    return answer.status == 200 && seen.at("status") == status;
+  })) << "is not "
+      << status << ", but " << seen;
+  return seen;
+}
+
+std::string Glb(const std::string& rest) {
+  const auto size = static_cast<std::uint32_t>(12 + rest.size());
+  std::string glb = {'g', 'l', 'T', 'F', 2, 0, 0, 0};
+  for (unsigned shift = 0; shift < 32; shift += 8) {
+    glb += static_cast<char>((size >> shift) & 0xFFU);
+  }
+  return glb + rest;
+}
+
+Service::Service(const std::filesystem::path& data, const std::filesystem::path& radbake, int workers,
+                 std::uint64_t max_upload)
+    : jobs_(data, {radbake, workers, 1}),
+      server_(jobs_, {"127.0.0.1", 0, max_upload}),
+      listener_([this] { server_.Listen(); }) {}
+
+Service::~Service() {
+  server_.Stop();
+  listener_.join();
+}
+
+Daemon::Daemon(const std::filesystem::path& data, const std::filesystem::path& radbake,
+               const std::vector<std::string>& more) {
+  std::vector<std::string> words = {RADBAKE_BINARY_DIR "/radbaked"};
+  words.insert(words.end(), {"--data", data.string(), "--radbake", radbake.string()});
+  words.insert(words.end(), more.begin(), more.end());
+  if (std::find(more.begin(), more.end(), "--listen") == more.end()) {
+    words.insert(words.end(), {"--listen", "127.0.0.1:0"});
+  }
+  std::vector<char*> arguments;
+  for (std::string& word : words) {
+    arguments.push_back(word.data());
+  }
+  arguments.push_back(nullptr);
+  std::array<int, 2> ends{};
+  if (::pipe2(ends.data(), O_CLOEXEC) != 0) {
+    throw std::runtime_error("pipe2");
+  }
+  const Descriptor output(ends[0]);
+  Descriptor output_end(ends[1]);
+  pid_ = ::fork();
+  if (pid_ == 0) {
+    ::dup2(output_end.get(), STDOUT_FILENO);
+    ::execv(arguments[0], arguments.data());
+    ::_exit(127);
+  }
+  output_end.Close();
+  std::string line;
+  for (char c = 0; ::read(output.get(), &c, 1) == 1 && c != '\n';) {
+    line += c;
+  }
+  const std::string expected = "listening on http://127.0.0.1:";
+  port_ = line.starts_with(expected) ? std::atoi(line.c_str() + expected.size()) : 0;
+}
+
+Daemon::~Daemon() {
+  End(SIGKILL);
+}
+
+int Daemon::End(int signal) {
+  if (pid_ < 0) {
+    return 0;
+  }
+  int status = 0;
+  ::kill(pid_, signal);
+  ::waitpid(pid_, &status, 0);
+  pid_ = -1;
+  return WIFSIGNALED(status) ? -WTERMSIG(status) : WEXITSTATUS(status);
+}
+
+}  // namespace radbake::server
