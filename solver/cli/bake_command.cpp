@@ -71,11 +71,6 @@ std::string Summary(const std::string& output, const Statistics& statistics, dou
 }
 
 void PrintWarnings(const Statistics& statistics) {
-  for (const Ignored& ignored : statistics.scene.ignored) {
-    std::fputs(
-        ("radbake: warning: " + OneLine(ignored.feature + " is not used: " + ignored.reason) + "\n").c_str(),
-        stderr);
-  }
   for (const std::string& warning : statistics.warnings) {
     std::fputs(("radbake: warning: " + OneLine(warning) + "\n").c_str(), stderr);
   }

@@ -165,6 +165,23 @@ TEST_F(BakeCommand, ReplacesAnOlderFileAndFollowsALink) {
   EXPECT_THAT(Names(), ElementsAre("baked.glb", "target.glb"));
 }
 
+TEST_F(BakeCommand, PrintsEachWarningOnceOnALineOfItsOwn) {
+  const Outcome run =
+      Radbake({"bake", RADBAKE_SOURCE_DIR "/../shared/scenes/cornell-box-bevy.glb", "-o", File("baked.glb"),
+               "--error", "0.3", "--check", "0", "--statistics", File("s.json")});
+  ASSERT_EQ(run.code, 0) << run.error;
+  const json statistics = json::parse(ReadFile(File("s.json")));
+  ASSERT_FALSE(statistics["warnings"].empty());
+  std::string expected;
+  for (const json& warning : statistics["warnings"]) {
+    expected += "radbake: warning: " + warning.get<std::string>() + "\n";
+  }
+  EXPECT_EQ(run.error, expected);
+  for (const json& ignored : statistics["scene"]["ignored"]) {
+    EXPECT_THAT(run.error, HasSubstr(ignored["feature"].get<std::string>()));
+  }
+}
+
 TEST_F(BakeCommand, ReportsProgressAsOneJsonObjectALine) {
   const Outcome run = Bake({"--progress", "json"});
   ASSERT_EQ(run.code, 0) << run.error;
