@@ -83,10 +83,12 @@ TEST(ExchangeArea, OfSquaresThatTouchButForRoundingIsThatOfThoseThatDo) {
   }
 }
 
-TEST(ExchangeArea, OfAWallThatReachesBelowTheFloorByRoundingIsThatOfOneThatStandsOnIt) {
-  // Clipped at the floor's plane, the wall keeps sides of hardly any length at its lower corners.
-  const Polygon wall = Quad({0, 0, -1e-9}, {0, 1, 1e-9}, {0, 1, 1}, {0, 0, 1});
-  EXPECT_NEAR(ExchangeArea(kFloor, wall), PerpendicularRectangles(1, 1), 1e-8);
+TEST(ExchangeArea, OfAWallWithAnEdgeOfHardlyAnyLengthAtTheFloorsCornerIsThatOfOneWithoutIt) {
+  const Vec3 at(-0.4971387, 0.4907009, -0.4999997);  // where sums are rounded
+  const Polygon floor = Quad(at, at + Vec3(1, 0, 0), at + Vec3(1, 1, 0), at + Vec3(0, 1, 0));
+  const Polygon with = Quad(at, floor[3], floor[3] + Vec3(0, 3e-10, 6e-10), at + Vec3(0, 0, 1));
+  const Polygon without = Triangular(at, floor[3], at + Vec3(0, 0, 1));
+  EXPECT_NEAR(ExchangeArea(floor, with), ExchangeArea(floor, without), 1e-8);
 }
 
 TEST(ExchangeArea, OfElementsOfTouchingSquaresAddsUpToTheWhole) {
