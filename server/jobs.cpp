@@ -128,7 +128,7 @@ nlohmann::json ToJson(const JobView& view) {
       {"links", {{"self", self}, {"scene", self + "/scene"}, {"statistics", self + "/statistics"}}}};
   if (job.status == Status::kRunning && view.live) {
     json["progress"] = view.live->progress;
-    json["phase"] = view.live->phase;
+    json["phase"] = view.live->phase.empty() ? nlohmann::json(nullptr) : nlohmann::json(view.live->phase);
     json["statistics"] = view.live->statistics;
   }
   if (job.problem) {
