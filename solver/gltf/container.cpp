@@ -1,7 +1,6 @@
 #include "solver/gltf/container.h"
 
 #include <cstdint>
-#include <cstring>
 
 #include "solver/gltf/uri.h"
 #include "solver/scene/types.h"

@@ -1,5 +1,7 @@
 #include "solver/gltf/document.h"
 
+#include <utility>
+
 #include "solver/gltf/export.h"
 #include "solver/gltf/file.h"
 #include "solver/gltf/import.h"
@@ -7,8 +9,8 @@
 namespace radbake::gltf {
 
 struct Document::Impl {
-  Impl(const Source& from, const Limits& limits)
-      : source(from), file(source, limits), imported(Import(file.root, file.layout, limits)) {}
+  Impl(Source from, const Limits& limits)
+      : source(std::move(from)), file(source, limits), imported(Import(file.root, file.layout, limits)) {}
 
   Source source;
   File file;

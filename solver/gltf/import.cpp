@@ -153,7 +153,7 @@ void ForEachDrawing(const Layout& layout, const Limits& limits,
 
 Vec3 ToWorld(const Eigen::Matrix4d& world, const Eigen::Vector3f& position, std::size_t node) {
   constexpr double kFarthest = 1e30;
-  const Vec3 placed = world.topLeftCorner<3, 3>() * position.cast<double>() + world.topRightCorner<3, 1>();
+  Vec3 placed = world.topLeftCorner<3, 3>() * position.cast<double>() + world.topRightCorner<3, 1>();
   if (!(placed.cwiseAbs().maxCoeff() <= kFarthest)) {
     Fail({"node", node}, "a vertex is farther out than 1e30 m");
   }

@@ -1,7 +1,6 @@
 #include "solver/gltf/layout.h"
 
 #include <array>
-#include <cmath>
 
 #include "solver/gltf/accessor.h"
 #include "solver/gltf/nodes.h"

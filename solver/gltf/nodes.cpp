@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <ranges>
 
 namespace radbake::gltf {
 namespace {
@@ -123,10 +124,10 @@ std::vector<Placed> PlaceNodes(const Layout& layout) {
   std::vector<Placed> placed;
   std::vector<Placed> open;
   const auto push = [&](const std::vector<std::size_t>& nodes, const Eigen::Matrix4d& parent) {
-    for (auto node = nodes.rbegin(); node != nodes.rend(); ++node) {
-      open.push_back({*node, parent * layout.nodes[*node].local});
+    for (const std::size_t node : nodes | std::views::reverse) {
+      open.push_back({node, parent * layout.nodes[node].local});
       if (!open.back().world.allFinite()) {
-        Fail({"node", *node}, "transform to world space is not finite");
+        Fail({"node", node}, "transform to world space is not finite");
       }
     }
   };

@@ -9,12 +9,14 @@
 namespace radbake::gltf {
 namespace {
 
-constexpr std::array<std::int8_t, 256> kBase64 = [] {
-  std::array<std::int8_t, 256> values{};
-  values.fill(-1);
+constexpr std::uint8_t kNoDigit = 64;
+
+constexpr std::array<std::uint8_t, 256> kBase64 = [] {
+  std::array<std::uint8_t, 256> values{};
+  values.fill(kNoDigit);
   constexpr std::string_view kAlphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   for (std::size_t i = 0; i < kAlphabet.size(); ++i) {
-    values[static_cast<unsigned char>(kAlphabet[i])] = static_cast<std::int8_t>(i);
+    values[static_cast<unsigned char>(kAlphabet[i])] = static_cast<std::uint8_t>(i);
   }
   return values;
 }();
@@ -58,11 +60,11 @@ std::string DecodeDataUri(std::string_view uri, const Place& place) {
   std::uint32_t bits = 0;
   unsigned pending = 0;
   for (const char c : digits) {
-    const int value = kBase64[static_cast<unsigned char>(c)];
-    if (value < 0) {
+    const std::uint32_t value = kBase64[static_cast<unsigned char>(c)];
+    if (value == kNoDigit) {
       Fail(place, "the data: URI is not base64");
     }
-    bits = (bits << 6U) | static_cast<std::uint32_t>(value);
+    bits = (bits << 6U) | value;
     pending += 6;
     if (pending >= 8) {
       pending -= 8;

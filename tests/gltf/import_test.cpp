@@ -28,15 +28,16 @@ Builder WithMaterial(Json material) {
 
 TEST(Import, ReadsTheRealScenes) {
   const std::vector<std::pair<std::string, std::size_t>> scenes = {
-      {"cornell-box-bevy", 36}, {"living-room", 5088}, {"spheres-room", 63720}};
+      {"cornell-box-bevy", 36}, {"living-room", 1551}, {"spheres-room", 63720}};
   for (const auto& [name, expected] : scenes) {
     const Document document(ReadSource(RADBAKE_SOURCE_DIR "/../shared/scenes/" + name + ".glb"));
     std::size_t triangles = 0;
     for (const Surface& surface : document.scene().surfaces) {
-      triangles += surface.triangles.size();
       EXPECT_EQ(surface.normals.size(), surface.positions.size());
       EXPECT_EQ(surface.attributes.size(), surface.positions.size() * surface.attribute_width);
       for (std::size_t t = 0; t < surface.triangles.size(); ++t) {
+        // More than two thirds of the living room's triangles have no area.
+        triangles += Front(surface, t).norm() > 0 ? 1U : 0U;
         // Normals agree with the winding, so both were brought to the world alike.
         EXPECT_GE(Front(surface, t).dot(surface.normals[surface.triangles[t][0]]), -1e-6) << surface.name;
       }

@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
@@ -13,6 +14,10 @@ namespace fs = std::filesystem;
 
 /// A folder of its own, gone at the end.
 class ReadSourceTest : public testing::Test {
+ public:
+  ReadSourceTest(const ReadSourceTest&) = delete;
+  ReadSourceTest& operator=(const ReadSourceTest&) = delete;
+
  protected:
   ReadSourceTest() {
     std::string name = (fs::temp_directory_path() / "radbake-gltf-XXXXXX").string();
@@ -21,8 +26,6 @@ class ReadSourceTest : public testing::Test {
     fs::create_directories(folder_ / "parts");
   }
   ~ReadSourceTest() override { fs::remove_all(outer_); }
-  ReadSourceTest(const ReadSourceTest&) = delete;
-  ReadSourceTest& operator=(const ReadSourceTest&) = delete;
 
   static void Write(const fs::path& path, const std::string& bytes) {
     std::ofstream(path, std::ios::binary) << bytes;
