@@ -16,7 +16,8 @@ inline Index AddMaterial(Scene& scene, double reflectance, double emission) {
 }
 
 /// A quadrilateral of two triangles as a surface of its own; counter-clockwise from its front.
-inline void AddQuad(Scene& scene, Index material, const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
+inline void AddQuad(Scene& scene, Index material, const Vec3& a, const Vec3& b, const Vec3& c,
+                    const Vec3& d) {
   Surface surface;
   surface.name = "quad " + std::to_string(scene.surfaces.size());
   surface.material = material;
@@ -56,11 +57,12 @@ inline Scene FurnaceSphere(double reflectance, int levels) {
   sphere.material = AddMaterial(scene, reflectance, 1);
   const double t = std::numbers::phi;
   std::vector<Vec3>& p = sphere.positions;
-  p = {{-1, t, 0}, {1, t, 0}, {-1, -t, 0}, {1, -t, 0}, {0, -1, t}, {0, 1, t},
-       {0, -1, -t}, {0, 1, -t}, {t, 0, -1}, {t, 0, 1}, {-t, 0, -1}, {-t, 0, 1}};
-  std::vector<Triangle> faces = {{0, 11, 5}, {0, 5, 1}, {0, 1, 7}, {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
-                                 {11, 10, 2}, {10, 7, 6}, {7, 1, 8}, {3, 9, 4}, {3, 4, 2}, {3, 2, 6}, {3, 6, 8},
-                                 {3, 8, 9}, {4, 9, 5}, {2, 4, 11}, {6, 2, 10}, {8, 6, 7}, {9, 8, 1}};
+  p = {{-1, t, 0},  {1, t, 0},  {-1, -t, 0}, {1, -t, 0}, {0, -1, t},  {0, 1, t},
+       {0, -1, -t}, {0, 1, -t}, {t, 0, -1},  {t, 0, 1},  {-t, 0, -1}, {-t, 0, 1}};
+  std::vector<Triangle> faces = {{0, 11, 5}, {0, 5, 1},  {0, 1, 7},   {0, 7, 10}, {0, 10, 11},
+                                 {1, 5, 9},  {5, 11, 4}, {11, 10, 2}, {10, 7, 6}, {7, 1, 8},
+                                 {3, 9, 4},  {3, 4, 2},  {3, 2, 6},   {3, 6, 8},  {3, 8, 9},
+                                 {4, 9, 5},  {2, 4, 11}, {6, 2, 10},  {8, 6, 7},  {9, 8, 1}};
   for (int level = 0; level < levels; ++level) {
     std::vector<Triangle> finer;
     const auto middle = [&](Index a, Index b) {
@@ -92,8 +94,8 @@ inline Scene FurnaceSphere(double reflectance, int levels) {
   return scene;
 }
 
-/// A room of 2 × 2 × 2 m with a lamp below its ceiling and a slab that throws a shadow on the floor; one wall is
-/// red. Closed.
+/// A room of 2 × 2 × 2 m with a lamp below its ceiling and a slab that throws a shadow on the floor; one wall
+/// is red. Closed.
 inline Scene ShadowRoom() {
   Scene scene;
   const Index white = AddMaterial(scene, 0.7, 0);

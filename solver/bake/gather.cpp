@@ -56,16 +56,16 @@ Index Gatherer::SolverLeaf(Index element, const Vec3& x) const {
 }
 
 double Gatherer::PointVisibility(const Link& link, const Vec3& x, const Vec3& n, const Polygon& shooter,
-                                 double share,
-                                 QuasiRandom<2>& random) const {
+                                 double share, QuasiRandom<2>& random) const {
   if (link.clear) {
     return 1;
   }
   // A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters.
   constexpr double kNegligible = 0.02;
   const double rays = std::min(1.0, share) * options_.rays;
-  return rays < kNegligible ? link.visibility
-                            : visibility_.FromPoint(x, n, shooter, random, std::max(1, static_cast<int>(std::lround(rays))));
+  return rays < kNegligible
+             ? link.visibility
+             : visibility_.FromPoint(x, n, shooter, random, std::max(1, static_cast<int>(std::lround(rays))));
 }
 
 Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
@@ -80,7 +80,7 @@ Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
   for (Index e = leaf; e != kNone; e = hierarchy_[e].parent) {
     for (const Link& link : links_.Into(e)) {
       const Polygon shooter = hierarchy_.Shape(link.shooter);
-      const Rgb open = PointToPolygon(x, n, shooter) * light_.radiosity[link.shooter];
+      const Rgb open = PointToPolygon(x, n, shooter) * light_.Shooting(link.shooter);
       const double luminance = Luminance(open);
       if (luminance > 0) {
         sum += open * PointVisibility(link, x, n, shooter, luminance / scale, random);

@@ -10,6 +10,7 @@ void Light::Extend(const Hierarchy& hierarchy) {
   }
   irradiance.resize(hierarchy.size(), Rgb::Zero());
   variation.resize(hierarchy.size(), 0.0);
+  open.resize(hierarchy.size(), 1.0);
 }
 
 }  // namespace radbake

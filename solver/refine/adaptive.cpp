@@ -17,6 +17,18 @@ double VisibilityUncertainty(const Link& link) {
   return std::max(kUnproved, 2 * std::sqrt(v * (1 - v)));
 }
 
+/// How unevenly the receiver sees the shooter, in [0, 1]: 0, and the mean radiosity is all that matters; 1,
+/// and it may see just the darkest or the brightest part.
+double UnevenView(const Link& link, const Polygon& receiver, const Polygon& shooter) {
+  double extent = 0;
+  const Vec3 centre = shooter.Centroid();
+  for (int k = 0; k < shooter.count; ++k) {
+    extent = std::max(extent, (shooter[k] - centre).norm());
+  }
+  const double kernel = link.judged * std::min(1.0, extent / (centre - receiver.Centroid()).norm());
+  return std::max(kernel, VisibilityUncertainty(link));
+}
+
 }  // namespace
 
 Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) const {
@@ -26,7 +38,7 @@ Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) con
   while (known >= light_.radiosity.size()) {
     known = hierarchy[known].parent;
   }
-  const double radiosity = Luminance(light_.radiosity[known]);
+  const double radiosity = Luminance(light_.Shooting(known));
   const double passed_on = hierarchy.PatchOf(link.receiver).reflectance.maxCoeff();
   const double form_factor = link.form_factor;
 
@@ -39,10 +51,8 @@ Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) con
   for (Index e = link.shooter; e != known; e = hierarchy[e].parent) {
     variation *= 0.5;
   }
-  const double size = std::sqrt(shooter.area);
-  const double distance = (hierarchy.Shape(link.shooter).Centroid() - hierarchy.Shape(link.receiver).Centroid()).norm();
-  const double by_shooter = variation * form_factor * link.judged * std::min(1.0, size / distance) *
-                            hierarchy.patches().area;
+  const double by_shooter = variation * form_factor * hierarchy.patches().area *
+                            UnevenView(link, hierarchy.Shape(link.receiver), hierarchy.Shape(link.shooter));
 
   if (by_kernel + by_visibility + by_shooter <= w_min_) {
     return Decision::kKeep;

@@ -57,7 +57,8 @@ void Linker::Measure(Link& link) const {
     link.visibility = link.judged = 1;
   } else {
     const std::uint64_t key = Hash((static_cast<std::uint64_t>(link.receiver) << 32U) | link.shooter);
-    const SampledVisibility sampled = visibility_.BetweenElements(receiver, shooter, exchange_area, key, rays_);
+    const SampledVisibility sampled =
+        visibility_.BetweenElements(receiver, shooter, exchange_area, key, rays_);
     link.visibility = static_cast<float>(sampled.carried);
     link.judged = static_cast<float>(sampled.judged);
   }

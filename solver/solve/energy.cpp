@@ -50,18 +50,25 @@ EnergyBalance BalanceEnergy(const Hierarchy& hierarchy, const Light& light, cons
   tbb::parallel_for(std::size_t{0}, ends.size(), [&](std::size_t batch) {
     const auto start = std::chrono::steady_clock::now();
     QuasiRandom<4> random(Hash(batch));
+    std::uint64_t rays = kBatch;
     for (std::size_t k = 0; k < kBatch; ++k) {
-      const auto u = random.Next();
+      auto u = random.Next();
       // Stratified over the leaves: ray k of all batches together takes the k-th share of the power.
       const double at = (static_cast<double>(batch * kBatch + k) + 0.5) / kRays * power;
       const auto found = std::upper_bound(cumulative.begin(), cumulative.end(), at);
       const Index leaf = leaves[static_cast<std::size_t>(
           std::min(found - cumulative.begin(), static_cast<std::ptrdiff_t>(leaves.size()) - 1))];
       const Polygon shape = hierarchy.Shape(leaf);
+      // From the part that light reaches at all.
+      constexpr int kTries = 32;
+      Vec3 x = PointOn(shape, u[0], u[1]);
+      for (int tries = 0; tries < kTries && visibility.IsSealed(x, shape.normal, rays); ++tries) {
+        u = random.Next();
+        x = PointOn(shape, u[0], u[1]);
+      }
       const Rgb& radiosity = light.radiosity[leaf];
       const Rgb carried = radiosity / Luminance(radiosity) * (power / kRays);
-      const auto hit =
-          visibility.caster().Closest(PointOn(shape, u[0], u[1]), CosineDirection(shape.normal, u[2], u[3]));
+      const auto hit = visibility.caster().Closest(x, CosineDirection(shape.normal, u[2], u[3]));
       if (!hit) {
         ends[batch].escaped += carried;
       } else {
@@ -72,7 +79,7 @@ EnergyBalance BalanceEnergy(const Hierarchy& hierarchy, const Light& light, cons
       }
     }
     const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - start;
-    visibility.Count(kBatch, spent.count());
+    visibility.Count(rays, spent.count());
   });
   for (const Ends& part : ends) {
     balance.escaped += part.escaped;

@@ -33,32 +33,46 @@ class PushPull {
       light_.variation[e] = 0;
       return norms;
     }
+    const Index first = element.first_child;
+    double area = 0;
+    double open_area = 0;
+    for (Index child = first; child < first + 4; ++child) {
+      area += hierarchy_[child].area;
+      open_area += hierarchy_[child].area * light_.open[child];
+    }
     Rgb radiosity = Rgb::Zero();
     Rgb mean_irradiance = Rgb::Zero();
-    double area = 0;
-    for (Index child = element.first_child; child < element.first_child + 4; ++child) {
-      const Norms below = Visit(child, irradiance);
+    for (Index child = first; child < first + 4; ++child) {
+      // What was gathered falls on the open parts.
+      const Norms below =
+          Visit(child, open_area > 0 ? irradiance * (light_.open[child] * area / open_area) : irradiance);
       norms.change += below.change;
       norms.radiosity += below.radiosity;
-      const double share = hierarchy_[child].area;
-      area += share;
-      radiosity += share * light_.radiosity[child];
-      mean_irradiance += share * light_.irradiance[child];
+      radiosity += hierarchy_[child].area * light_.radiosity[child];
+      mean_irradiance += hierarchy_[child].area * light_.irradiance[child];
     }
-    radiosity /= area;
-    double variance = 0;
-    for (Index child = element.first_child; child < element.first_child + 4; ++child) {
-      const double deviation = Luminance(light_.radiosity[child]) - Luminance(radiosity);
-      const double within = light_.variation[child];
-      variance += hierarchy_[child].area / area * (deviation * deviation + within * within);
-    }
-    light_.radiosity[e] = radiosity;
+    light_.open[e] = open_area / area;
+    light_.radiosity[e] = radiosity / area;
     light_.irradiance[e] = mean_irradiance / area;
-    light_.variation[e] = std::sqrt(variance);
+    light_.variation[e] = Variation(first, open_area, Luminance(radiosity));
     return norms;
   }
 
  private:
+  /// `power` = Σ A·B of the children.
+  double Variation(Index first, double open_area, double power) const {
+    double variance = 0;
+    for (Index child = first; child < first + 4; ++child) {
+      const double open = light_.open[child];
+      if (open > 0) {
+        const double deviation = Luminance(light_.radiosity[child]) / open - power / open_area;
+        const double within = light_.variation[child];
+        variance += hierarchy_[child].area * open / open_area * (deviation * deviation + within * within);
+      }
+    }
+    return std::sqrt(variance);
+  }
+
   const Hierarchy& hierarchy_;
   const std::vector<Rgb>& gathered_;
   Light& light_;
@@ -71,7 +85,7 @@ double ApplyRadiosityOperator(const Hierarchy& hierarchy, const Links& links, Li
   tbb::parallel_for(std::size_t{0}, hierarchy.size(), [&](std::size_t e) {
     Rgb sum = Rgb::Zero();
     for (const Link& link : links.Into(static_cast<Index>(e))) {
-      sum += static_cast<double>(link.form_factor * link.visibility) * light.radiosity[link.shooter];
+      sum += static_cast<double>(link.form_factor * link.visibility) * light.Shooting(link.shooter);
     }
     gathered[e] = sum;
   });

@@ -1,5 +1,7 @@
 #include "solver/solve/solver.h"
 
+#include <oneapi/tbb/parallel_for.h>
+
 #include <chrono>
 #include <cmath>
 
@@ -7,6 +9,7 @@
 #include "solver/refine/hierarchical.h"
 #include "solver/refine/linker.h"
 #include "solver/solve/radiosity_operator.h"
+#include "solver/transport/sampling.h"
 
 namespace radbake {
 namespace {
@@ -26,7 +29,7 @@ class Solver {
 
   Solution Run() {
     linker_.LinkPatches();
-    solution_.light.Extend(hierarchy_);
+    Extend();
     const double a_min = options_.a_min * hierarchy_.patches().area;
     if (options_.refinement == Refinement::kHierarchical) {
       Refine(HierarchicalOracle(a_min, options_.f_max));
@@ -49,7 +52,17 @@ class Solver {
  private:
   void Refine(const Oracle& oracle) {
     linker_.Refine(oracle, [this] { return Stop(); });
+    Extend();
+  }
+
+  void Extend() {
+    constexpr int kPoints = 128;
+    const std::size_t known = solution_.light.open.size();
     solution_.light.Extend(hierarchy_);
+    tbb::parallel_for(known, hierarchy_.size(), [&](std::size_t e) {
+      const auto element = static_cast<Index>(e);
+      solution_.light.open[e] = visibility_.OpenShare(hierarchy_.Shape(element), Hash(e), kPoints);
+    });
   }
 
   /// Sweeps until what is left of the geometric series of residuals is below the tolerance.

@@ -15,10 +15,10 @@ enum class Refinement { kHierarchical, kAdaptive };
 
 struct SolveOptions {
   Refinement refinement = Refinement::kAdaptive;
-  double a_min = 1e-5;      ///< elements below this share of the scene's area are not divided
-  double f_max = 0.05;      ///< kHierarchical
-  double w_min = 1e-5;      ///< kAdaptive: of the last pass; share of the emitted power
-  double tolerance = 1e-4;  ///< largest relative error of the radiosity that the iteration may leave
+  double a_min = 1e-5;       ///< elements below this share of the scene's area are not divided
+  double f_max = 0.05;       ///< kHierarchical
+  double w_min = 1e-5;       ///< kAdaptive: of the last pass; share of the emitted power
+  double tolerance = 1e-4;   ///< largest relative error of the radiosity that the iteration may leave
   int visibility_rays = 32;  ///< even
   /// Called after each pass and between sweeps and rounds of refinement; true ends the solve with what it
   /// has.

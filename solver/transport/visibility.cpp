@@ -4,7 +4,6 @@
 #include <array>
 #include <chrono>
 #include <numbers>
-#include <vector>
 
 namespace radbake {
 namespace {
@@ -58,11 +57,50 @@ class Batch {
 
 }  // namespace
 
-Visibility::Visibility(const Patches& patches)
-    : caster_(TrianglesOf(patches)), occluders_(patches.blockers) {}
+Visibility::Visibility(const Patches& patches) : caster_(TrianglesOf(patches)), occluders_(patches.blockers) {
+  for (const Blocker& blocker : patches.blockers) {
+    dead_.push_back({blocker.front == kNone, blocker.back == kNone});
+    any_dead_ = any_dead_ || blocker.front == kNone || blocker.back == kNone;
+  }
+}
+
+bool Visibility::SeesNothingLit(const Vec3& y, const Vec3& direction) const {
+  const auto hit = caster_.Closest(y, direction);
+  return hit && (hit->front ? dead_[hit->triangle].front : dead_[hit->triangle].back);
+}
+
+bool Visibility::IsSealed(const Vec3& y, const Vec3& normal, std::uint64_t& rays) const {
+  if (!any_dead_ || occluders_.empty()) {
+    return false;
+  }
+  // Up, then around at 60 degrees from the normal.
+  const Vec3 tangent = normal.unitOrthogonal();
+  const Vec3 bitangent = normal.cross(tangent);
+  constexpr double kSine = 0.8660254037844386;
+  const std::array<Vec3, 5> directions = {normal, 0.5 * normal + kSine * tangent,
+                                          0.5 * normal - kSine * tangent, 0.5 * normal + kSine * bitangent,
+                                          0.5 * normal - kSine * bitangent};
+  return std::ranges::all_of(directions, [&](const Vec3& direction) {
+    ++rays;
+    return SeesNothingLit(y, direction);
+  });
+}
+
+double Visibility::OpenShare(const Polygon& polygon, std::uint64_t key, int points) const {
+  QuasiRandom<2> random(key);
+  int open = 0;
+  int seen = 0;
+  Batch batch(*this);
+  const int first = std::max(1, points / 8);
+  for (; seen < points && (seen < first || (open > 0 && open < seen)); ++seen) {
+    const auto u = random.Next();
+    open += IsSealed(PointOn(polygon, u[0], u[1]), polygon.normal, batch.rays) ? 0 : 1;
+  }
+  return static_cast<double>(open) / seen;
+}
 
 SampledVisibility Visibility::BetweenElements(const Polygon& a, const Polygon& b, double exchange_area,
-                                   std::uint64_t key, int rays) const {
+                                              std::uint64_t key, int rays) const {
   const Polygon front_a = ClipToFront(a, PlaneOf(b));
   const Polygon front_b = ClipToFront(b, PlaneOf(a));
   if (front_a.count == 0 || front_b.count == 0) {
@@ -83,9 +121,10 @@ SampledVisibility Visibility::BetweenElements(const Polygon& a, const Polygon& b
     all[half] += weight;
     open[half] += caster_.Occluded(x, y) ? 0 : weight;
   }
-  // The exact integral is a control variate: V = (open + c·(exact − all))/exact is unbiased for any c that does not
-  // depend on the same rays. The best c is V itself, as the other rays see it; 1 where the polygons touch, since
-  // there the kernel has a peak, without bound, that little fits in between and that few rays find.
+  // The exact integral is a control variate: V = (open + c·(exact − all))/exact is unbiased for any c that
+  // does not depend on the same rays. The best c is V itself, as the other rays see it; 1 where the polygons
+  // touch, since there the kernel has a peak, without bound, that little fits in between and that few rays
+  // find.
   SampledVisibility result;
   result.judged = all[0] > 0 ? open[0] / all[0] : 0;
   if (open[0] + open[1] > 0) {

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <vector>
 
 #include "solver/scene/patches.h"
 #include "solver/scene/polygon.h"
@@ -18,9 +19,9 @@ struct RayCount {
   double seconds = 0;
 };
 
-/// Two independent samples of one visibility, each in [0, 1]. A link that is refined or kept by the same noise that
-/// it carries would carry too little: what is overestimated would be refined and measured again, and what is
-/// underestimated would stay.
+/// Two independent samples of one visibility, each in [0, 1]. A link that is refined or kept by the same
+/// noise that it carries would carry too little: what is overestimated would be refined and measured again,
+/// and what is underestimated would stay.
 struct SampledVisibility {
   double carried = 0;  ///< for transport
   double judged = 0;   ///< for the oracle
@@ -36,12 +37,23 @@ class Visibility {
 
   /// The share of rays between the parts of the two polygons that face one another that is not blocked, in
   /// [0, 1].
-  SampledVisibility BetweenElements(const Polygon& a, const Polygon& b, double exchange_area, std::uint64_t key,
-                         int rays) const;
+  SampledVisibility BetweenElements(const Polygon& a, const Polygon& b, double exchange_area,
+                                    std::uint64_t key, int rays) const;
 
-  /// The same from `x` to the polygon's part in front of the plane (x, n). Casts `rays` / 4, at least one, and the
-  /// rest only if those disagree. Neighbouring polygons that take turns with one `random` stratify each other.
-  double FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, QuasiRandom<2>& random, int rays) const;
+  /// The same from `x` to the polygon's part in front of the plane (x, n). Casts `rays` / 4, at least one,
+  /// and the rest only if those disagree. Neighbouring polygons that take turns with one `random` stratify
+  /// each other.
+  double FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, QuasiRandom<2>& random,
+                   int rays) const;
+
+  /// Does the place `y` with unit normal `normal` see nothing but sides that give no light (it lies under a
+  /// box, say)? Then no light gets there, and none leaves it. Adds the rays cast to `rays`: none where no
+  /// blocker can be in between anything.
+  bool IsSealed(const Vec3& y, const Vec3& normal, std::uint64_t& rays) const;
+
+  /// The share of the polygon that is not sealed, in [0, 1]: sampled at `points` / 8 points, and at the rest
+  /// only if those disagree.
+  double OpenShare(const Polygon& polygon, std::uint64_t key, int points) const;
 
   const RayCaster& caster() const { return caster_; }
   RayCount Counted() const;
@@ -49,8 +61,16 @@ class Visibility {
   void Count(std::uint64_t rays, double seconds) const;
 
  private:
+  bool SeesNothingLit(const Vec3& y, const Vec3& direction) const;
+
+  struct Dead {
+    bool front;
+    bool back;
+  };
   RayCaster caster_;
   Occluders occluders_;
+  std::vector<Dead> dead_;  // by blocker: the side gives no light
+  bool any_dead_ = false;
   mutable std::atomic<std::uint64_t> rays_{0};
   mutable std::atomic<std::uint64_t> nanoseconds_{0};
 };

@@ -74,7 +74,8 @@ TEST(Patches, GiveADoubleSidedSurfaceTwoOppositeOnes) {
 TEST(Patches, LeaveOutTrianglesWithoutArea) {
   Scene scene = testing::FurnaceBox(0.5);
   scene.surfaces[0].triangles.push_back({0, 0, 1});
-  scene.surfaces[0].positions.emplace_back(scene.surfaces[0].positions[0] * 2 - scene.surfaces[0].positions[1]);
+  scene.surfaces[0].positions.emplace_back(scene.surfaces[0].positions[0] * 2 -
+                                           scene.surfaces[0].positions[1]);
   scene.surfaces[0].triangles.push_back({0, 1, 4});  // three in a row
   EXPECT_EQ(CutIntoPatches(scene).blockers.size(), 12U);
 }

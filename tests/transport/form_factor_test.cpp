@@ -36,9 +36,12 @@ Polygon Triangular(const Vec3& a, const Vec3& b, const Vec3& c) {
 
 const Polygon kFloor = Quad({0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0});
 
-Polygon CeilingAt(double height) { return Quad({0, 0, height}, {0, 1, height}, {1, 1, height}, {1, 0, height}); }
+Polygon CeilingAt(double height) {
+  return Quad({0, 0, height}, {0, 1, height}, {1, 1, height}, {1, 0, height});
+}
 
-/// Howell's catalogue C-11: identical, parallel, directly opposed rectangles a × b at distance c; X = a/c, Y = b/c.
+/// Howell's catalogue C-11: identical, parallel, directly opposed rectangles a × b at distance c; X = a/c, Y
+/// = b/c.
 double ParallelRectangles(double x, double y) {
   const double x2 = 1 + x * x;
   const double y2 = 1 + y * y;
@@ -68,7 +71,8 @@ TEST(ExchangeArea, OfParallelUnitSquaresIsTheCataloguesAtEveryDistance) {
 TEST(ExchangeArea, OfTouchingPerpendicularRectanglesIsTheCatalogues) {
   for (const double height : {0.05, 0.5, 1.0, 4.0}) {
     const Polygon wall = Quad({0, 0, 0}, {0, 1, 0}, {0, 1, height}, {0, 0, height});
-    EXPECT_NEAR(ExchangeArea(kFloor, wall) / PerpendicularRectangles(height, 1), 1, 1e-6) << "height " << height;
+    EXPECT_NEAR(ExchangeArea(kFloor, wall) / PerpendicularRectangles(height, 1), 1, 1e-6)
+        << "height " << height;
   }
 }
 
@@ -157,9 +161,10 @@ TEST(PointToPolygon, BelowTheCornerOfARectangleIsTheCatalogues) {
 }
 
 TEST(PointToPolygon, OfTheWallsOfAClosedRoomSumsToOneAnywhere) {
-  const std::array<Polygon, 5> walls = {
-      CeilingAt(1), Quad({0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}), Quad({1, 0, 0}, {1, 0, 1}, {1, 1, 1}, {1, 1, 0}),
-      Quad({0, 0, 0}, {0, 0, 1}, {1, 0, 1}, {1, 0, 0}), Quad({0, 1, 0}, {1, 1, 0}, {1, 1, 1}, {0, 1, 1})};
+  const std::array<Polygon, 5> walls = {CeilingAt(1), Quad({0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}),
+                                        Quad({1, 0, 0}, {1, 0, 1}, {1, 1, 1}, {1, 1, 0}),
+                                        Quad({0, 0, 0}, {0, 0, 1}, {1, 0, 1}, {1, 0, 0}),
+                                        Quad({0, 1, 0}, {1, 1, 0}, {1, 1, 1}, {0, 1, 1})};
   for (const double at : {1e-9, 1e-4, 0.3, 0.5, 1 - 1e-7}) {
     double sum = 0;
     for (const Polygon& wall : walls) {
@@ -175,8 +180,7 @@ TEST(EstimateFormFactor, BoundsTheMeanFormFactorOfRandomFacingSquaresFromAboveWi
   for (int k = 0; k < 200; ++k) {
     const double size = 0.05 + unit(random);
     const Vec3 at(2 * unit(random) - 1, 2 * unit(random) - 1, 0.2 + unit(random));
-    const Polygon other =
-        Quad(at, at + Vec3(0, size, 0), at + Vec3(size, size, 0), at + Vec3(size, 0, 0));
+    const Polygon other = Quad(at, at + Vec3(0, size, 0), at + Vec3(size, size, 0), at + Vec3(size, 0, 0));
     const double estimate = EstimateFormFactor(kFloor, other, size * size);
     EXPECT_LE(ExchangeArea(kFloor, other), 1.5 * estimate);
   }

@@ -56,8 +56,7 @@ TEST(Occluders, ProveMostOpenPairsOfARoomWithOneSlabClear) {
   for (Index k = 0; k < 20'000; ++k) {
     const Polygon p = hierarchy.Shape(static_cast<Index>(Hash(3 * k) % hierarchy.size()));
     const Polygon q = hierarchy.Shape(static_cast<Index>(Hash(3 * k + 1) % hierarchy.size()));
-    if (ExchangeArea(p, q) > 0 &&
-        visibility.BetweenElements(p, q, ExchangeArea(p, q), k, 32).judged == 1) {
+    if (ExchangeArea(p, q) > 0 && visibility.BetweenElements(p, q, ExchangeArea(p, q), k, 32).judged == 1) {
       ++open;
       proved += visibility.Clear(p, q) ? 1U : 0U;
     }
