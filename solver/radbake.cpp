@@ -90,7 +90,7 @@ SolveOptions OptionsOf(const Parameters& parameters) {
 
 MeshOptions MeshOptionsOf(const Parameters& parameters) {
   MeshOptions options;
-  options.error = 0.7 * parameters.error;
+  options.error = 0.65 * parameters.error;
   options.start_area = std::clamp(0.05 * parameters.error, 1e-5, 1e-2);
   options.min_area = 1e-4 * options.start_area;
   return options;
@@ -99,7 +99,7 @@ MeshOptions MeshOptionsOf(const Parameters& parameters) {
 GatherOptions GatherOptionsOf(const Parameters& parameters) {
   GatherOptions options;
   options.anew = parameters.final_gather != FinalGather::kOff;
-  options.rays = std::clamp(static_cast<int>(std::lround(1.3 / parameters.error)), 8, 1024);
+  options.rays = std::clamp(static_cast<int>(std::lround(2 / parameters.error)), 8, 1024);
   return options;
 }
 

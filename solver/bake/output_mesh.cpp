@@ -14,7 +14,7 @@ namespace {
 
 // Mean square of the interpolation error over an element, in squares of the centre's: 1/4 where a shadow's
 // edge crosses the element, 1/30 and less where irradiance is smooth.
-constexpr double kElementError = 0.15;
+constexpr double kElementError = 0.4;
 
 const Rgb kNotGathered = Rgb::Constant(-1);
 bool IsGathered(const Rgb& value) {
