@@ -81,7 +81,7 @@ SolveOptions OptionsOf(const Parameters& parameters) {
   options.refinement =
       parameters.method == Method::kAdaptive ? Refinement::kAdaptive : Refinement::kHierarchical;
   // Fitted so that what the elements' constants leave in the final irradiance is a small part of the target.
-  options.a_min = parameters.oracle.a_min.value_or(std::clamp(0.02 * parameters.error, 1e-6, 1e-2));
+  options.a_min = parameters.oracle.a_min.value_or(std::clamp(1e-3 * parameters.error, 1e-7, 1e-3));
   options.f_max = parameters.oracle.f_max.value_or(std::clamp(1.0 * parameters.error, 1e-3, 0.3));
   options.w_min = parameters.oracle.w_min.value_or(std::clamp(0.005 * parameters.error, 1e-8, 1e-2));
   options.tolerance = 0.02 * parameters.error;

@@ -21,6 +21,20 @@ void ParallelFor(std::size_t count, const Body& body) {
   });
 }
 
+/// Does each reach in front of the other's plane by more than positions are exact? The two sides of one surface, and
+/// neighbours in one plane, do not.
+bool FaceOneAnother(const Polygon& a, const Polygon& b, double tolerance) {
+  const auto reaches = [&](const Polygon& polygon, const Plane& plane) {
+    for (int k = 0; k < polygon.count; ++k) {
+      if (plane.Distance(polygon[k]) > tolerance) {
+        return true;
+      }
+    }
+    return false;
+  };
+  return reaches(a, PlaneOf(b)) && reaches(b, PlaneOf(a));
+}
+
 void AppendLive(std::vector<Link>& links, std::span<const Link> candidates) {
   std::copy_if(candidates.begin(), candidates.end(), std::back_inserter(links),
                [](const Link& link) { return link.form_factor > 0; });
@@ -67,10 +81,15 @@ void Linker::Measure(Link& link) const {
 void Linker::LinkPatches() {
   const auto count = static_cast<Index>(hierarchy_.root_count());
   std::vector<std::vector<Link>> rows(count);
+  std::vector<Polygon> shapes;
+  shapes.reserve(count);
+  for (Index root = 0; root < count; ++root) {
+    shapes.push_back(hierarchy_.Shape(root));
+  }
   tbb::parallel_for(Index{0}, count, [&](Index receiver) {
     for (Index shooter = 0; shooter < count; ++shooter) {
       Link link{receiver, shooter};
-      if (receiver != shooter) {
+      if (receiver != shooter && FaceOneAnother(shapes[receiver], shapes[shooter], hierarchy_.patches().weld)) {
         Measure(link);
         AppendLive(rows[receiver], {&link, 1});
       }
