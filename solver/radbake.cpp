@@ -90,7 +90,7 @@ SolveOptions OptionsOf(const Parameters& parameters) {
 
 MeshOptions MeshOptionsOf(const Parameters& parameters) {
   MeshOptions options;
-  options.error = 0.65 * parameters.error;
+  options.error = 0.5 * parameters.error;
   options.start_area = std::clamp(0.05 * parameters.error, 1e-5, 1e-2);
   options.min_area = 1e-4 * options.start_area;
   return options;

@@ -21,8 +21,8 @@ void ParallelFor(std::size_t count, const Body& body) {
   });
 }
 
-/// Does each reach in front of the other's plane by more than positions are exact? The two sides of one surface, and
-/// neighbours in one plane, do not.
+/// Does each reach in front of the other's plane by more than positions are exact? The two sides of one
+/// surface, and neighbours in one plane, do not.
 bool FaceOneAnother(const Polygon& a, const Polygon& b, double tolerance) {
   const auto reaches = [&](const Polygon& polygon, const Plane& plane) {
     for (int k = 0; k < polygon.count; ++k) {
@@ -48,12 +48,16 @@ void Linker::MeasureVariation(Link& link, const Polygon& receiver, const Polygon
   const Vec3 centroid = receiver.Centroid();
   double low = PointToPolygon(centroid, receiver.normal, shooter);
   double high = low;
-  for (int k = 0; k < receiver.count; ++k) {
-    const double f =
-        PointToPolygon(receiver[k] + kInside * (centroid - receiver[k]), receiver.normal, shooter);
+  const auto look = [&](const Vec3& x) {
+    const double f = PointToPolygon(x + kInside * (centroid - x), receiver.normal, shooter);
     low = std::min(low, f);
     high = std::max(high, f);
+  };
+  for (int k = 0; k < receiver.count; ++k) {
+    look(receiver[k]);
   }
+  // A small shooter close above a large receiver is seen from below it alone.
+  look(NearestPoint(receiver, shooter.Centroid()));
   link.variation = static_cast<float>(high - low);
 }
 
@@ -89,7 +93,8 @@ void Linker::LinkPatches() {
   tbb::parallel_for(Index{0}, count, [&](Index receiver) {
     for (Index shooter = 0; shooter < count; ++shooter) {
       Link link{receiver, shooter};
-      if (receiver != shooter && FaceOneAnother(shapes[receiver], shapes[shooter], hierarchy_.patches().weld)) {
+      if (receiver != shooter &&
+          FaceOneAnother(shapes[receiver], shapes[shooter], hierarchy_.patches().weld)) {
         Measure(link);
         AppendLive(rows[receiver], {&link, 1});
       }

@@ -1,5 +1,8 @@
 #include "solver/scene/polygon.h"
 
+#include <algorithm>
+#include <limits>
+
 namespace radbake {
 
 Polygon ClipToFront(const Polygon& polygon, const Plane& plane) {
@@ -29,6 +32,27 @@ double Area(const Polygon& polygon) {
     sum += (polygon[k] - polygon[0]).cross(polygon[k + 1] - polygon[0]);
   }
   return 0.5 * sum.norm();
+}
+
+Vec3 NearestPoint(const Polygon& polygon, const Vec3& p) {
+  const Vec3 projected = p - PlaneOf(polygon).Distance(p) * polygon.normal;
+  Vec3 nearest = projected;
+  double best = std::numeric_limits<double>::infinity();
+  bool inside = true;
+  for (int k = 0; k < polygon.count; ++k) {
+    const Vec3& a = polygon[k];
+    const Vec3 along = polygon[(k + 1) % polygon.count] - a;
+    inside = inside && polygon.normal.cross(along).dot(projected - a) >= 0;
+    const double length2 = along.squaredNorm();
+    const double t = length2 > 0 ? std::clamp((projected - a).dot(along) / length2, 0.0, 1.0) : 0.0;
+    const Vec3 candidate = a + t * along;
+    const double distance = (candidate - projected).squaredNorm();
+    if (distance < best) {
+      best = distance;
+      nearest = candidate;
+    }
+  }
+  return inside ? projected : nearest;
 }
 
 }  // namespace radbake

@@ -42,4 +42,7 @@ Polygon ClipToFront(const Polygon& polygon, const Plane& plane);
 /// Area of a convex polygon.
 double Area(const Polygon& polygon);
 
+/// The point of a convex polygon that is nearest to `p`.
+Vec3 NearestPoint(const Polygon& polygon, const Vec3& p);
+
 }  // namespace radbake
