@@ -27,8 +27,7 @@ using Words = std::span<const std::pair<std::string_view, Value>>;
 constexpr std::array kMethods{std::pair{std::string_view{"hierarchical"}, Method::kHierarchical},
                               std::pair{std::string_view{"adaptive"}, Method::kAdaptive}};
 constexpr std::array kFinalGathers{std::pair{std::string_view{"auto"}, FinalGather::kAuto},
-                                   std::pair{std::string_view{"on"}, FinalGather::kOn},
-                                   std::pair{std::string_view{"off"}, FinalGather::kOff}};
+                                   std::pair{std::string_view{"on"}, FinalGather::kOn}};
 
 template <typename Value>
 bool ReadWord(const Json& value, Words<Value> words, Value& out) {
@@ -113,7 +112,7 @@ constexpr std::array kSpecs{
     ParameterSpec{"clustering", "auto or off", "clusters above patches",
                   [](const Json& value, Parameters&) { return value == "auto" || value == "off"; },
                   [](const Parameters&) { return Json("off"); }},
-    ParameterSpec{"final_gather", "auto, on or off", "the output's irradiance gathered anew at each vertex",
+    ParameterSpec{"final_gather", "auto or on", "the output's irradiance gathered anew at each vertex",
                   [](const Json& value, Parameters& p) {
                     return ReadWord<FinalGather>(value, kFinalGathers, p.final_gather);
                   },

@@ -11,9 +11,9 @@ namespace radbake {
 
 enum class Method { kHierarchical, kAdaptive };
 
-/// How the irradiance of the output is made. kOff: averages of the elements' own; kOn, kAuto: gathered anew
-/// at each vertex from the links of the hierarchy.
-enum class FinalGather { kAuto, kOn, kOff };
+/// Whether the output's irradiance is gathered anew at each vertex from the links of the hierarchy. It always
+/// is so far: kAuto is kOn.
+enum class FinalGather { kAuto, kOn };
 
 struct OracleParameters {
   /// Elements smaller than this share of the scene's area are not divided.

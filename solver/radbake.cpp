@@ -78,11 +78,13 @@ class Watch {
 
 SolveOptions OptionsOf(const Parameters& parameters) {
   SolveOptions options;
-  options.refinement =
-      parameters.method == Method::kAdaptive ? Refinement::kAdaptive : Refinement::kHierarchical;
+  const bool adaptive = parameters.method == Method::kAdaptive;
+  options.refinement = adaptive ? Refinement::kAdaptive : Refinement::kHierarchical;
   // Fitted so that what the elements' constants leave in the final irradiance is a small part of the target.
-  options.a_min = parameters.oracle.a_min.value_or(std::clamp(1e-3 * parameters.error, 1e-7, 1e-3));
-  options.f_max = parameters.oracle.f_max.value_or(std::clamp(1.0 * parameters.error, 1e-3, 0.3));
+  options.a_min =
+      parameters.oracle.a_min.value_or(adaptive ? std::clamp(1e-3 * parameters.error, 1e-7, 1e-3)
+                                                : std::clamp(0.02 * parameters.error, 1e-6, 1e-2));
+  options.f_max = parameters.oracle.f_max.value_or(std::clamp(3 * parameters.error, 1e-3, 0.5));
   options.w_min = parameters.oracle.w_min.value_or(std::clamp(0.005 * parameters.error, 1e-8, 1e-2));
   options.tolerance = 0.02 * parameters.error;
   return options;
@@ -98,7 +100,6 @@ MeshOptions MeshOptionsOf(const Parameters& parameters) {
 
 GatherOptions GatherOptionsOf(const Parameters& parameters) {
   GatherOptions options;
-  options.anew = parameters.final_gather != FinalGather::kOff;
   options.rays = std::clamp(static_cast<int>(std::lround(2 / parameters.error)), 8, 1024);
   return options;
 }

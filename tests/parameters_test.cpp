@@ -37,12 +37,12 @@ TEST(Parameters, TakeDefaultsForAnEmptyObject) {
 TEST(Parameters, TakeEveryKeyThatIsBuilt) {
   const Parameters parameters = ParseParameters(R"({
     "error": 0.05, "time_budget": 30, "method": "hierarchical", "basis": "constant", "clustering": "off",
-    "final_gather": "off", "output": {"kind": "vertex", "exposure": 2.5},
+    "final_gather": "on", "output": {"kind": "vertex", "exposure": 2.5},
     "environment": {"radiance": [0, 0.0, 0]}, "oracle": {"a_min": 1e-4, "f_max": 0.1, "w_min": 1e-5}, "check": 0})");
   EXPECT_EQ(parameters.error, 0.05);
   EXPECT_EQ(parameters.time_budget, 30);
   EXPECT_EQ(parameters.method, Method::kHierarchical);
-  EXPECT_EQ(parameters.final_gather, FinalGather::kOff);
+  EXPECT_EQ(parameters.final_gather, FinalGather::kOn);
   EXPECT_EQ(parameters.exposure, 2.5);
   EXPECT_EQ(parameters.oracle.a_min, 1e-4);
   EXPECT_EQ(parameters.oracle.f_max, 0.1);
@@ -83,7 +83,7 @@ TEST(Parameters, NameTheKeyAndWhatItTakesWhenAValueIsNotTaken) {
            {R"({"method": 1})", "method", "hierarchical or adaptive"},
            {R"({"basis": "linear"})", "basis", "takes constant"},
            {R"({"clustering": "on"})", "clustering", "auto or off"},
-           {R"({"final_gather": true})", "final_gather", "auto, on or off"},
+           {R"({"final_gather": true})", "final_gather", "auto or on"},
            {R"({"output": {"kind": "lightmap"}})", "output.kind", "takes vertex"},
            {R"({"output": {"exposure": 0}})", "output.exposure", "auto or a number above 0"},
            {R"({"output": {"exposure": "bright"}})", "output.exposure", "auto or a number above 0"},

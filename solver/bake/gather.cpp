@@ -69,9 +69,6 @@ double Gatherer::PointVisibility(const Link& link, const Vec3& x, const Vec3& n,
 }
 
 Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
-  if (!options_.anew) {
-    return light_.irradiance[leaf];
-  }
   const Vec3& n = hierarchy_.PatchOf(leaf).normal;
   // A dark corner gets as many rays as its own light deserves, within reason.
   const double scale = std::max(Luminance(light_.irradiance[leaf]), 0.1 * typical_);

@@ -8,8 +8,7 @@
 namespace radbake {
 
 struct GatherOptions {
-  bool anew = true;  ///< false: the mean irradiance of the solver's element, as it is
-  int rays = 64;     ///< to a shooter that gives all of a point's light; others in proportion
+  int rays = 64;  ///< to a shooter that gives all of a point's light; others in proportion
 };
 
 /// The links into an element and its ancestors say which shooters light it; at a point inside, each one's

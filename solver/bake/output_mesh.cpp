@@ -31,6 +31,25 @@ Vec3 ElementCentre(const Hierarchy& hierarchy, Index element) {
   return centre;
 }
 
+/// Calls body(k) for all k on all threads, asking `stop` on this one now and then. False if it stopped.
+template <typename Body>
+bool ForEach(std::size_t count, const std::function<bool()>& stop, const Body& body) {
+  constexpr std::size_t kChunk = 256;
+  constexpr std::size_t kGrain = 8;
+  for (std::size_t begin = 0; begin < count; begin += kChunk) {
+    if (stop && stop()) {
+      return false;
+    }
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(begin, std::min(count, begin + kChunk), kGrain),
+                      [&](const auto& range) {
+                        for (std::size_t k = range.begin(); k != range.end(); ++k) {
+                          body(k);
+                        }
+                      });
+  }
+  return true;
+}
+
 struct Meeting {
   Index vertex;
   Index element;
@@ -106,7 +125,7 @@ void OutputMesh::WalkEdges() {
   centre_.resize(hierarchy_.size(), kNotGathered);
 }
 
-void OutputMesh::GatherVertices() {
+bool OutputMesh::GatherVertices(const std::function<bool()>& stop) {
   std::vector<Meeting> meetings;
   for (std::size_t k = 0; k < cut_.size(); ++k) {
     for (const Index vertex : loops_[k]) {
@@ -125,52 +144,47 @@ void OutputMesh::GatherVertices() {
     }
   }
   const std::size_t count = begin.size();
-  begin.push_back(meetings.size());
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 16), [&](const auto& range) {
-    std::vector<Index> seen;
-    for (std::size_t v = range.begin(); v != range.end(); ++v) {
-      const Index vertex = meetings[begin[v]].vertex;
-      Rgb sum = Rgb::Zero();
-      seen.clear();
-      for (std::size_t k = begin[v]; k < begin[v + 1]; ++k) {
-        const Index element = meetings[k].element;
-        if (!IsLit(element)) {
-          continue;
-        }
-        // A hair inside the element: at a shared edge, form factors have a limit from each side.
-        constexpr double kInside = 1e-4;
-        const Vec3 x = hierarchy_.Point(vertex) +
-                       kInside * (ElementCentre(hierarchy_, element) - hierarchy_.Point(vertex));
-        const Index leaf = gatherer_.SolverLeaf(element, x);
-        if (std::find(seen.begin(), seen.end(), leaf) == seen.end()) {
-          seen.push_back(leaf);
-          sum += gatherer_.Irradiance(x, leaf, Hash(vertex));
-        }
-      }
-      irradiance_[vertex] = seen.empty() ? sum : sum / static_cast<double>(seen.size());
-    }
-  });
   gathered_ += count;
+  begin.push_back(meetings.size());
+  return ForEach(count, stop, [&](std::size_t v) {
+    const Index vertex = meetings[begin[v]].vertex;
+    std::vector<Index> seen;
+    Rgb sum = Rgb::Zero();
+    for (std::size_t k = begin[v]; k < begin[v + 1]; ++k) {
+      const Index element = meetings[k].element;
+      if (!IsLit(element)) {
+        continue;
+      }
+      // A hair inside the element: at a shared edge, form factors have a limit from each side.
+      constexpr double kInside = 1e-4;
+      const Vec3 x = hierarchy_.Point(vertex) +
+                     kInside * (ElementCentre(hierarchy_, element) - hierarchy_.Point(vertex));
+      const Index leaf = gatherer_.SolverLeaf(element, x);
+      if (std::find(seen.begin(), seen.end(), leaf) == seen.end()) {
+        seen.push_back(leaf);
+        sum += gatherer_.Irradiance(x, leaf, Hash(vertex));
+      }
+    }
+    irradiance_[vertex] = seen.empty() ? sum : sum / static_cast<double>(seen.size());
+  });
 }
 
-void OutputMesh::GatherCentres() {
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, cut_.size(), 16), [&](const auto& range) {
-    for (std::size_t k = range.begin(); k != range.end(); ++k) {
-      const Index e = cut_[k];
-      if (IsGathered(centre_[e])) {
-        continue;
-      }
-      if (!IsLit(e)) {
-        centre_[e] = Rgb::Zero();
-        continue;
-      }
-      // A hair off the centre, which may lie on an edge of a younger element of the solver's.
-      constexpr double kOff = 1e-4;
-      const Polygon shape = hierarchy_.Shape(e);
-      const Vec3 centre = ElementCentre(hierarchy_, e);
-      const Vec3 x = centre + kOff * (0.6 * (shape[0] - centre) + 0.4 * (shape[1] - centre));
-      centre_[e] = gatherer_.Irradiance(x, gatherer_.SolverLeaf(e, x), Hash(~static_cast<std::uint64_t>(e)));
+bool OutputMesh::GatherCentres(const std::function<bool()>& stop) {
+  return ForEach(cut_.size(), stop, [&](std::size_t k) {
+    const Index e = cut_[k];
+    if (IsGathered(centre_[e])) {
+      return;
     }
+    if (!IsLit(e)) {
+      centre_[e] = Rgb::Zero();
+      return;
+    }
+    // A hair off the centre, which may lie on an edge of a younger element of the solver's.
+    constexpr double kOff = 1e-4;
+    const Polygon shape = hierarchy_.Shape(e);
+    const Vec3 centre = ElementCentre(hierarchy_, e);
+    const Vec3 x = centre + kOff * (0.6 * (shape[0] - centre) + 0.4 * (shape[1] - centre));
+    centre_[e] = gatherer_.Irradiance(x, gatherer_.SolverLeaf(e, x), Hash(~static_cast<std::uint64_t>(e)));
   });
 }
 
@@ -196,20 +210,38 @@ std::vector<double> OutputMesh::SquaredErrors() {
 
 MeshEnd OutputMesh::Refine(const MeshOptions& options) {
   const double area = hierarchy_.patches().area;
-  DivideUnseen(options.start_area * area);
+  const std::function<bool()> stop = [&] { return options.stop && options.stop(error_, gathered_); };
+  // The input's own vertices, whatever it takes: the least that there is to give.
+  WalkEdges();
+  GatherVertices({});
+  GatherCentres({});
+  std::vector<Index> last_cut = cut_;
+  std::vector<Loop> last_loops = loops_;
+  // Coarse first, so that there is always something even to show when time is short.
+  constexpr double kFirstUnseen = 1e-2;
+  constexpr double kUnseenFall = 4;
+  double unseen = std::max(kFirstUnseen, options.start_area);
+  DivideUnseen(unseen * area);
   while (true) {
     WalkEdges();
-    GatherVertices();
-    GatherCentres();
+    if (!GatherVertices(stop) || !GatherCentres(stop)) {
+      cut_ = std::move(last_cut);
+      loops_ = std::move(last_loops);
+      return MeshEnd::kStopped;
+    }
+    last_cut = cut_;
+    last_loops = loops_;
     const std::vector<double> errors = SquaredErrors();
+    if (unseen > options.start_area) {
+      unseen = std::max(unseen / kUnseenFall, options.start_area);
+      DivideUnseen(unseen * area);
+      continue;
+    }
     if (error_ <= options.error) {
       return MeshEnd::kError;
     }
     if (gathered_ >= options.max_vertices) {
       return MeshEnd::kLimit;
-    }
-    if (options.stop && options.stop(error_, gathered_)) {
-      return MeshEnd::kStopped;
     }
     // Worst first, until the others alone would meet a part of the target.
     constexpr double kLeft = 0.3;

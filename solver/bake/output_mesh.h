@@ -14,7 +14,8 @@ struct MeshOptions {
   double start_area = 1e-3;  ///< lit elements above this share of the scene's area are divided unseen
   double min_area = 1e-8;    ///< elements below this share are not divided
   std::size_t max_vertices = 4'000'000;
-  /// Called between rounds with the estimated error and the vertices so far; true ends the refinement.
+  /// Called now and then, on the caller's thread, with the estimated error and the vertices so far; true ends
+  /// the refinement with the last round that was finished.
   std::function<bool(double error, std::size_t vertices)> stop;
 };
 
@@ -47,8 +48,8 @@ class OutputMesh {
   void Divide(Index element);
   void WalkEdges();
   void WalkEdge(Index from, Index to, Loop& loop);
-  void GatherVertices();
-  void GatherCentres();
+  bool GatherVertices(const std::function<bool()>& stop);
+  bool GatherCentres(const std::function<bool()>& stop);
   std::vector<double> SquaredErrors();
   bool IsLit(Index element) const { return lit_[hierarchy_[element].patch]; }
 
