@@ -73,7 +73,7 @@ void SendResult(Response& response, const JobView& view, const std::filesystem::
     throw ProblemError(NoResult("the job is " + std::string(ToString(job.status)) + reason));
   }
   const auto file = std::make_shared<Descriptor>(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  struct stat status {};
+  struct stat status{};
   if (!file->open() || ::fstat(file->get(), &status) != 0 || status.st_size == 0) {
     throw UnknownJob();  // deleted meanwhile
   }

@@ -133,12 +133,8 @@ constexpr std::array kSpecs{
     ParameterSpec{"output.texel_size", kNoImages, "metres", ReadNothing, WriteNothing},
     ParameterSpec{"output.max_size", kNoImages, "texels", ReadNothing, WriteNothing},
     ParameterSpec{"environment.radiance", "[0, 0, 0]", "a uniform sky: red, green, blue in cd/m²",
-                  [](const Json& value, Parameters&) {
-                    return value == Json{0, 0, 0};
-                  },
-                  [](const Parameters&) {
-                    return Json{0, 0, 0};
-                  }},
+                  [](const Json& value, Parameters&) { return value == Json{0, 0, 0}; },
+                  [](const Parameters&) { return Json{0, 0, 0}; }},
     ParameterSpec{"oracle.a_min", kShare,
                   "elements smaller than this share of the scene's area are not divided",
                   [](const Json& value, Parameters& p) { return ReadShare(value, p.oracle.a_min); },

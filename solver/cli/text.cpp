@@ -35,8 +35,7 @@ std::string Duration(double seconds) {
 
 std::string OneLine(std::string_view message) {
   std::string line(message);
-  std::ranges::replace_if(
-      line, [](char c) { return (c >= 0 && c < ' ') || c == '\x7f'; }, ' ');
+  std::ranges::replace_if(line, [](char c) { return (c >= 0 && c < ' ') || c == '\x7f'; }, ' ');
   while (line.ends_with(' ')) {
     line.pop_back();
   }

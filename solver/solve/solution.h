@@ -26,7 +26,7 @@ struct EnergyBalance {
   Rgb absorbed = Rgb::Zero();           ///< Σ A·(1 − ρ)·E
   Rgb absorbed_by_backs = Rgb::Zero();  ///< on back sides and blockers
   Rgb escaped = Rgb::Zero();            ///< out of the scene
-  double imbalance = 0;  ///< |emitted − absorbed − absorbed_by_backs − escaped| / emitted
+  double imbalance = 0;                 ///< |emitted − absorbed − absorbed_by_backs − escaped| / emitted
 };
 
 }  // namespace radbake

@@ -90,19 +90,14 @@ TEST(Hostile, DeepNestingIsRefused) {
 }
 
 TEST(Hostile, AnIndexBeyondTheVerticesIsRefused) {
-  ExpectRefused(
-      [](Builder& b) {
-        Primitive(b)["indices"] = b.Shorts({0, 1, 3});
-      },
-      "mesh 0 primitive 0: index 3 is beyond its 3 vertices");
+  ExpectRefused([](Builder& b) { Primitive(b)["indices"] = b.Shorts({0, 1, 3}); },
+                "mesh 0 primitive 0: index 3 is beyond its 3 vertices");
 }
 
 TEST(Hostile, NumbersThatAreNotFiniteAreRefused) {
   for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
     ExpectRefused(
-        [=](Builder& b) {
-          Primitive(b)["attributes"]["POSITION"] = b.Vec3s({0, 0, 0, 1, bad, 0, 0, 1, 0});
-        },
+        [=](Builder& b) { Primitive(b)["attributes"]["POSITION"] = b.Vec3s({0, 0, 0, 1, bad, 0, 0, 1, 0}); },
         "'POSITION' of vertex 1 is not a finite number");
     ExpectRefused(
         [=](Builder& b) {
@@ -113,32 +108,20 @@ TEST(Hostile, NumbersThatAreNotFiniteAreRefused) {
 }
 
 TEST(Hostile, TransformsThatOverflowAreRefused) {
-  ExpectRefused(
-      [](Builder& b) {
-        b.root["nodes"][0]["scale"] = {1e300, 1, 1};
-      },
-      "node 0: a vertex is farther");
+  ExpectRefused([](Builder& b) { b.root["nodes"][0]["scale"] = {1e300, 1, 1}; },
+                "node 0: a vertex is farther");
   ExpectRefused(
       [](Builder& b) {
         b.root["nodes"] = {{{"scale", {1e300, 1, 1}}, {"children", {1}}},
                            {{"mesh", 0}, {"scale", {1e300, 1, 1}}}};
       },
       "node 1: transform to world space is not finite");
-  ExpectRefused(
-      [](Builder& b) {
-        b.root["nodes"][0]["rotation"] = {0, 0, 0, 0};
-      },
-      "node 0: rotation is zero");
-  ExpectRefused(
-      [](Builder& b) {
-        b.root["nodes"][0]["scale"] = {1, "1", 1};
-      },
-      "node 0: scale is not a list of 3");
-  ExpectRefused(
-      [](Builder& b) {
-        b.root["nodes"][0]["matrix"] = {1, 2};
-      },
-      "node 0: matrix is not a list of 16");
+  ExpectRefused([](Builder& b) { b.root["nodes"][0]["rotation"] = {0, 0, 0, 0}; },
+                "node 0: rotation is zero");
+  ExpectRefused([](Builder& b) { b.root["nodes"][0]["scale"] = {1, "1", 1}; },
+                "node 0: scale is not a list of 3");
+  ExpectRefused([](Builder& b) { b.root["nodes"][0]["matrix"] = {1, 2}; },
+                "node 0: matrix is not a list of 16");
 }
 
 TEST(Hostile, AFileWithNoTrianglesIsRefused) {
@@ -157,20 +140,12 @@ TEST(Hostile, NodesThatAreNoTreeAreRefused) {
       },
       "node 1: is in a cycle");
   ExpectRefused(
-      [](Builder& b) {
-        b.root["nodes"] = {{{"children", {2}}}, {{"children", {2}}}, {{"mesh", 0}}};
-      },
+      [](Builder& b) { b.root["nodes"] = {{{"children", {2}}}, {{"children", {2}}}, {{"mesh", 0}}}; },
       "node 2: has two parents, nodes 0 and 1");
-  ExpectRefused(
-      [](Builder& b) {
-        b.root["nodes"] = {{{"children", {1, 1}}}, {{"mesh", 0}}};
-      },
-      "names 1 twice");
-  ExpectRefused(
-      [](Builder& b) {
-        b.root["nodes"] = {{{"mesh", 0}}, {{"children", {0}}}};
-      },
-      "scene 0: node 0 is not a root");
+  ExpectRefused([](Builder& b) { b.root["nodes"] = {{{"children", {1, 1}}}, {{"mesh", 0}}}; },
+                "names 1 twice");
+  ExpectRefused([](Builder& b) { b.root["nodes"] = {{{"mesh", 0}}, {{"children", {0}}}}; },
+                "scene 0: node 0 is not a root");
   ExpectRefused([](Builder& b) { b.root["scenes"][0]["nodes"] = {0, 0}; }, "names 0 twice");
 }
 
@@ -195,24 +170,15 @@ TEST(Hostile, IndicesBeyondTheirListsAreRefused) {
   ExpectRefused([](Builder& b) { Primitive(b)["attributes"]["POSITION"] = 5; },
                 "mesh 0 primitive 0: accessor 5");
   ExpectRefused([](Builder& b) { Primitive(b)["indices"] = "0"; }, "mesh 0 primitive 0: accessor");
-  ExpectRefused(
-      [](Builder& b) {
-        Primitive(b)["targets"] = {{{"POSITION", 99}}};
-      },
-      "mesh 0 primitive 0: accessor 99");
+  ExpectRefused([](Builder& b) { Primitive(b)["targets"] = {{{"POSITION", 99}}}; },
+                "mesh 0 primitive 0: accessor 99");
   ExpectRefused([](Builder& b) { Accessor(b)["bufferView"] = 1; }, "accessor 0: bufferView 1 is beyond");
   ExpectRefused([](Builder& b) { b.root["bufferViews"][0]["buffer"] = 1; },
                 "bufferView 0: buffer 1 is beyond");
-  ExpectRefused(
-      [](Builder& b) {
-        b.Add("images", {{"bufferView", 77}, {"mimeType", "image/png"}});
-      },
-      "image 0: buffer view 77");
-  ExpectRefused(
-      [](Builder& b) {
-        b.Add("skins", {{"joints", {0}}, {"inverseBindMatrices", 7}});
-      },
-      "skin 0: accessor 7");
+  ExpectRefused([](Builder& b) { b.Add("images", {{"bufferView", 77}, {"mimeType", "image/png"}}); },
+                "image 0: buffer view 77");
+  ExpectRefused([](Builder& b) { b.Add("skins", {{"joints", {0}}, {"inverseBindMatrices", 7}}); },
+                "skin 0: accessor 7");
   ExpectRefused(
       [](Builder& b) {
         b.Add("animations", {{"samplers", {{{"input", 0}, {"output", 8}}}}, {"channels", {}}});
@@ -234,11 +200,8 @@ TEST(Hostile, AccessorsBeyondTheirViewsAndViewsBeyondTheirBuffersAreRefused) {
   ExpectRefused([](Builder& b) { Accessor(b)["type"] = "VEC9"; }, "accessor 0: type 'VEC9' is not known");
   ExpectRefused([](Builder& b) { Accessor(b)["componentType"] = 5124; }, "accessor 0: componentType 5124");
   ExpectRefused([](Builder& b) { Accessor(b)["type"] = "VEC2"; }, "'POSITION' has a type");
-  ExpectRefused(
-      [](Builder& b) {
-        Primitive(b)["attributes"]["NORMAL"] = b.Vec3s({0, 0, 1});
-      },
-      "attribute 'POSITION' has 3 elements, and others 1");
+  ExpectRefused([](Builder& b) { Primitive(b)["attributes"]["NORMAL"] = b.Vec3s({0, 0, 1}); },
+                "attribute 'POSITION' has 3 elements, and others 1");
   ExpectRefused([](Builder& b) { Primitive(b)["mode"] = 7; }, "mode 7 is not known");
   ExpectRefused([](Builder& b) { Primitive(b)["indices"] = 0; }, "indices are not unsigned scalars");
 }
