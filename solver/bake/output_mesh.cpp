@@ -247,8 +247,9 @@ MeshEnd OutputMesh::Refine(const MeshOptions& options) {
     constexpr double kLeft = 0.3;
     std::vector<std::size_t> order(cut_.size());
     std::iota(order.begin(), order.end(), std::size_t{0});
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return errors[a] > errors[b]; });
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      return errors[a] != errors[b] ? errors[a] > errors[b] : a < b;
+    });
     const double total = std::accumulate(errors.begin(), errors.end(), 0.0);
     double left = total;
     const double goal = kLeft * total * std::pow(options.error / error_, 2);

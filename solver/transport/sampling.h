@@ -40,7 +40,7 @@ class QuasiRandom {
 
  private:
   static const std::array<double, D>& Steps() {
-    static const std::array<double, D> steps = [] {
+    static const std::array<double, D> kSteps = [] {
       double phi = 2;  // the root of φ^(D+1) = φ + 1
       for (int k = 0; k < 60; ++k) {
         phi = std::pow(1 + phi, 1.0 / (D + 1));
@@ -52,7 +52,7 @@ class QuasiRandom {
       }
       return result;
     }();
-    return steps;
+    return kSteps;
   }
 
   std::array<double, D> at_;
