@@ -158,7 +158,7 @@ void CheckHead(const httplib::Request& request, std::uint64_t max_upload) {
 
 Body::Body(const httplib::Request& request, const httplib::ContentReader* reader,
            const std::atomic<bool>& stopping)
-    : reader_(nullptr), stopping_(stopping) {
+    : stopping_(stopping) {
   const std::string length = request.get_header_value("Content-Length");
   const bool some = IsChunked(request) || (IsNumber(length) && length != "0");
   reader_ = some ? reader : nullptr;

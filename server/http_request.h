@@ -51,7 +51,7 @@ class Body {
   void Drain();
 
  private:
-  const httplib::ContentReader* reader_;  ///< null: there is nothing (more) to read
+  const httplib::ContentReader* reader_ = nullptr;  ///< null: there is nothing (more) to read
   const std::atomic<bool>& stopping_;
 };
 

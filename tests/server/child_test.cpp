@@ -44,7 +44,7 @@ TEST_F(ChildTest, TellsTheSignalThatKilledIt) {
 }
 
 TEST_F(ChildTest, HandsOverWholeLinesAndTheLastOne) {
-  Run("printf 'one\\ntw'; sleep 0.05; printf 'o\\n\\nthree'");
+  Run(R"(printf 'one\ntw'; sleep 0.05; printf 'o\n\nthree')");
   EXPECT_THAT(lines(), ElementsAre("one", "two", "three"));
 }
 
@@ -60,7 +60,7 @@ TEST_F(ChildTest, ReadsAllOfALongOutput) {
 }
 
 TEST_F(ChildTest, RunsInItsFolderWithItsArguments) {
-  Run("pwd; printf '%s\\n' \"$@\"", {"a b", "--c"});
+  Run(R"(pwd; printf '%s\n' "$@")", {"a b", "--c"});
   EXPECT_THAT(lines(), ElementsAre(folder().string(), "a b", "--c"));
 }
 

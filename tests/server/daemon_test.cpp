@@ -1,9 +1,9 @@
 // The program radbaked: how it starts and stops, and what a kill leaves behind.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <signal.h>
 
 #include <algorithm>
+#include <csignal>
 #include <sstream>
 #include <thread>
 

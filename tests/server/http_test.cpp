@@ -300,6 +300,7 @@ TEST_F(HttpTest, ServesAWholeResultToWhoAsksForRanges) {
 TEST_F(HttpTest, AnswersWhileUploadsStandStill) {
   const std::string job = client().PostScene();
   std::vector<Descriptor> uploads;
+  uploads.reserve(20);
   for (int i = 0; i < 20; ++i) {
     uploads.push_back(Connect(port(),
                               "POST /v1/bakes HTTP/1.1\r\nHost: x\r\nContent-Type: model/gltf-binary\r\n"

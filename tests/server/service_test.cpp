@@ -198,6 +198,7 @@ Daemon::Daemon(const std::filesystem::path& data, const std::filesystem::path& r
     words.insert(words.end(), {"--listen", "127.0.0.1:0"});
   }
   std::vector<char*> arguments;
+  arguments.reserve(words.size() + 1);
   for (std::string& word : words) {
     arguments.push_back(word.data());
   }

@@ -28,7 +28,7 @@ TEST(Progress, NeverFallsAndStaysInItsRange) {
 TEST(Progress, LeavesOutWhatIsNoProgress) {
   Live live;
   ReadProgress(R"({"phase":"solve","progress":0.5})", live);
-  for (const char* line : {"", "hello", "[1]", "{\"phase\":", "{\"phase\":3,\"progress\":\"x\"}", "null"}) {
+  for (const char* line : {"", "hello", "[1]", R"({"phase":)", R"({"phase":3,"progress":"x"})", "null"}) {
     ReadProgress(line, live);
     EXPECT_EQ(live.phase, "solve") << line;
     EXPECT_EQ(live.progress, 0.5) << line;
