@@ -7,12 +7,17 @@
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <stdexcept>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 namespace radbake::server {
 namespace {
+
+// A child that had no time to close its descriptors holds the lock of its killed parent for a moment.
+constexpr std::chrono::seconds kLockPatience{2};
 
 [[noreturn]] void Fail(const std::string& what, const std::filesystem::path& path) {
   throw std::system_error(errno, std::generic_category(), what + " " + path.string());
@@ -96,7 +101,12 @@ void SyncTree(const std::filesystem::path& folder) {
 
 Descriptor LockFolder(const std::filesystem::path& folder) {
   Descriptor lock = Open(folder / "lock", O_RDWR | O_CREAT);
-  if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
+  const auto end = std::chrono::steady_clock::now() + kLockPatience;
+  while (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
+    if (errno == EWOULDBLOCK && std::chrono::steady_clock::now() < end) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      continue;
+    }
     if (errno == EWOULDBLOCK) {
       throw std::runtime_error("another radbaked uses the data folder " + folder.string());
     }

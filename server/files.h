@@ -55,7 +55,7 @@ void SyncFolder(const std::filesystem::path& folder);
 void SyncTree(const std::filesystem::path& folder);
 
 /// An exclusive lock for as long as the descriptor lives, and for as long as the process lives. Throws
-/// std::runtime_error where another process holds it.
+/// std::runtime_error where another process holds it for longer than a moment.
 Descriptor LockFolder(const std::filesystem::path& folder);
 
 /// 128 random bits as 32 lower-case hexadecimal digits.

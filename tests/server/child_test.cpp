@@ -1,5 +1,6 @@
 #include "server/child.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
@@ -66,10 +67,17 @@ TEST_F(ChildTest, RunsInItsFolderWithItsArguments) {
 
 TEST_F(ChildTest, InheritsNothingButItsThreeStreams) {
   const Descriptor leaky(::socket(AF_INET, SOCK_STREAM, 0));  // without SOCK_CLOEXEC, as a library may do
-  ASSERT_TRUE(leaky.open());
-  ASSERT_NE(leaky.get(), 10);  // where the shell keeps its script
-  Run("cat; ls /proc/$$/fd | while read d; do [ $d -gt 2 ] && [ $d -ne 10 ] && echo open $d; done; echo "
-      "end");
+  const Descriptor high(::fcntl(leaky.get(), F_DUPFD, 100));
+  ASSERT_TRUE(leaky.open() && high.open());
+  std::vector<std::string> open;
+  RunChild(
+      {"/bin/ls", {"/proc/self/fd"}, folder()}, [&](std::string_view line) { open.emplace_back(line); },
+      stop());
+  EXPECT_THAT(open, ElementsAre("0", "1", "2", "3"));  // 3: the folder that ls reads
+}
+
+TEST_F(ChildTest, HasNothingToRead) {
+  EXPECT_EQ(Run("cat; echo end").exit_code, 0);
   EXPECT_THAT(lines(), ElementsAre("end"));
 }
 
@@ -99,7 +107,8 @@ TEST_F(ChildTest, EndsThoughADescendantHoldsItsPipes) {
 }
 
 TEST_F(ChildTest, SaysSoWhenThereIsNoProgram) {
-  const ChildEnd end = RunChild({folder() / "none", {}, folder()}, [](std::string_view) {}, stop());
+  const ChildEnd end = RunChild(
+      {folder() / "none", {}, folder()}, [](std::string_view) {}, stop());
   EXPECT_EQ(end.exit_code, 127);
   EXPECT_NE(end.error, "");
 }
