@@ -1,0 +1,188 @@
+#include "solver/bake/output_mesh.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <set>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "solver/bake/emit.h"
+#include "tests/solve/solved_scene_test.h"
+#include "tests/test_scenes.h"
+
+namespace radbake {
+namespace {
+
+using testing::SolvedScene;
+
+SolveOptions Quick() {
+  SolveOptions options;
+  options.w_min = 1e-3;
+  options.a_min = 1e-4;
+  return options;
+}
+
+MeshOptions Fine() {
+  MeshOptions options;
+  options.error = 0.03;
+  options.start_area = 5e-3;
+  options.min_area = 1e-6;
+  return options;
+}
+
+using Place = std::tuple<float, float, float>;
+
+/// The position that the weights give, as the export computes it: in double, then as float.
+Place PlaceOf(const Surface& surface, const BakedVertex& vertex) {
+  Vec3 sum = Vec3::Zero();
+  for (std::size_t k = 0; k < 4; ++k) {
+    if (vertex.weight[k] != 0) {
+      sum += static_cast<double>(vertex.weight[k]) * surface.positions[vertex.source[k]];
+    }
+  }
+  return {static_cast<float>(sum[0]), static_cast<float>(sum[1]), static_cast<float>(sum[2])};
+}
+
+/// How often each edge, from place to place, is used in that direction by the triangles of all surfaces.
+std::map<std::pair<Place, Place>, int> DirectedEdges(const Scene& scene, const BakedScene& baked) {
+  std::map<std::pair<Place, Place>, int> edges;
+  for (std::size_t s = 0; s < baked.surfaces.size(); ++s) {
+    const BakedMesh& mesh = baked.surfaces[s].front;
+    for (const Triangle& triangle : mesh.triangles) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        ++edges[{PlaceOf(scene.surfaces[s], mesh.vertices[triangle[k]]),
+                 PlaceOf(scene.surfaces[s], mesh.vertices[triangle[(k + 1) % 3]])}];
+      }
+    }
+  }
+  return edges;
+}
+
+TEST(OutputMesh, OfAClosedRoomIsClosedBitForBitAcrossElementsAndCreases) {
+  const Scene scene = testing::ShadowRoom();
+  SolvedScene solved(scene, Quick());
+  const BakedScene baked = solved.Output(Fine());
+  Scene room = scene;
+  // Every edge of the room and of the slab has its opposite; the lamp, a lone quadrilateral, has an outline.
+  BakedScene without_lamp = baked;
+  without_lamp.surfaces[6] = {};
+  const auto edges = DirectedEdges(room, without_lamp);
+  EXPECT_GT(edges.size(), 2000U);
+  for (const auto& [edge, count] : edges) {
+    EXPECT_EQ(count, 1);
+    EXPECT_EQ(edges.count({edge.second, edge.first}), 1U) << "a crack or a T-vertex";
+  }
+}
+
+TEST(OutputMesh, KeepsAreaAndWinding) {
+  const Scene scene = testing::ShadowRoom();
+  SolvedScene solved(scene, Quick());
+  const BakedScene baked = solved.Output(Fine());
+  for (std::size_t s = 0; s < scene.surfaces.size(); ++s) {
+    const auto& p = scene.surfaces[s].positions;
+    const Vec3 normal = (p[1] - p[0]).cross(p[2] - p[0]).normalized();
+    double area = 0;
+    for (const Triangle& t : baked.surfaces[s].front.triangles) {
+      std::array<Vec3, 3> corner;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const auto [x, y, z] = PlaceOf(scene.surfaces[s], baked.surfaces[s].front.vertices[t[k]]);
+        corner[k] = Vec3(x, y, z);
+      }
+      const double signed_area = 0.5 * (corner[1] - corner[0]).cross(corner[2] - corner[0]).dot(normal);
+      EXPECT_GT(signed_area, 0);
+      area += signed_area;
+    }
+    EXPECT_NEAR(area, (p[1] - p[0]).cross(p[3] - p[0]).norm(), 1e-5);
+  }
+}
+
+TEST(OutputMesh, IsContinuousOverAFlatSurfaceAndNotAcrossACrease) {
+  // The floor cut into two surfaces that do not share a vertex.
+  Scene scene = testing::ShadowRoom();
+  const auto floor = scene.surfaces[0].positions;  // (0,0), (0,2), (2,2), (2,0)
+  scene.surfaces.erase(scene.surfaces.begin());
+  const Vec3 low = 0.5 * (floor[0] + floor[3]);
+  const Vec3 high = 0.5 * (floor[1] + floor[2]);
+  testing::AddQuad(scene, 0, floor[0], floor[1], high, low);
+  testing::AddQuad(scene, 0, low, high, floor[2], floor[3]);
+  SolvedScene solved(scene, Quick());
+  const BakedScene baked = solved.Output(Fine());
+  std::map<Place, std::vector<std::pair<std::size_t, Eigen::Array3f>>> at;
+  for (std::size_t s = 0; s < scene.surfaces.size(); ++s) {
+    for (const BakedVertex& vertex : baked.surfaces[s].front.vertices) {
+      at[PlaceOf(scene.surfaces[s], vertex)].emplace_back(s, vertex.irradiance);
+    }
+  }
+  const std::size_t left = scene.surfaces.size() - 2;
+  std::size_t on_seam = 0;
+  std::size_t at_creases = 0;
+  std::size_t different = 0;
+  for (const auto& [place, values] : at) {
+    for (std::size_t k = 1; k < values.size(); ++k) {
+      const bool flat = values[0].first >= left && values[k].first >= left;
+      if (flat) {
+        ++on_seam;
+        EXPECT_TRUE((values[0].second == values[k].second).all());
+      } else {
+        ++at_creases;
+        different += (values[0].second != values[k].second).any() ? 1U : 0U;
+      }
+    }
+  }
+  EXPECT_GE(on_seam, 5U);
+  EXPECT_GT(different, at_creases / 2);
+}
+
+TEST(OutputMesh, LetsNoLightIntoAClosedBox) {
+  Scene scene = testing::ShadowRoom();
+  // A sealed box in the room, its inside lined with a box whose fronts face inwards.
+  const Index white = 0;
+  testing::AddBox(scene, white, Vec3(1.4, 0.2, 1.4), Vec3(1.8, 0.6, 1.8), false);
+  const std::size_t inside = scene.surfaces.size();
+  testing::AddBox(scene, white, Vec3(1.4, 0.2, 1.4), Vec3(1.8, 0.6, 1.8), true);
+  SolvedScene solved(scene, Quick());
+  const BakedScene baked = solved.Output(Fine());
+  for (std::size_t s = inside; s < scene.surfaces.size(); ++s) {
+    for (const BakedVertex& vertex : baked.surfaces[s].front.vertices) {
+      EXPECT_EQ(vertex.irradiance.maxCoeff(), 0) << scene.surfaces[s].name;
+    }
+  }
+}
+
+TEST(OutputMesh, PutsItsVerticesWhereTheLightChanges) {
+  const Scene scene = testing::ShadowRoom();
+  SolvedScene solved(scene, Quick());
+  const BakedScene baked = solved.Output(Fine());
+  // The floor lies under the slab's shadow; the slab's underside sees a floor that changes slowly.
+  EXPECT_GT(baked.surfaces[0].front.vertices.size(), 4 * baked.surfaces[7].front.vertices.size());
+}
+
+TEST(OutputMesh, LightsBothSidesOfADoubleSidedSurfaceEachForItself) {
+  Scene scene = testing::ShadowRoom();
+  scene.surfaces.resize(7);  // no slab
+  const Index both = testing::AddMaterial(scene, 0.5, 0);
+  scene.materials[both].sides = Sides::kBoth;
+  testing::AddQuad(scene, both, Vec3(0.5, 1, 0.5), Vec3(0.5, 1, 1.5), Vec3(1.5, 1, 1.5),
+                   Vec3(1.5, 1, 0.5));  // up
+  SolvedScene solved(scene, Quick());
+  const BakedSurface sheet = solved.Output(Fine()).surfaces.back();
+  ASSERT_FALSE(sheet.front.triangles.empty());
+  ASSERT_FALSE(sheet.back.triangles.empty());
+  const auto brightest = [](const BakedMesh& mesh) {
+    float most = 0;
+    for (const BakedVertex& vertex : mesh.vertices) {
+      most = std::max(most, vertex.irradiance.maxCoeff());
+    }
+    return most;
+  };
+  EXPECT_GT(brightest(sheet.front), 2 * brightest(sheet.back));
+  EXPECT_GT(brightest(sheet.back), 0);
+}
+
+}  // namespace
+}  // namespace radbake

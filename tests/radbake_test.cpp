@@ -1,0 +1,123 @@
+/// The whole bake, from bytes to bytes.
+#include "solver/radbake.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <oneapi/tbb/global_control.h>
+
+#include <cmath>
+#include <string>
+
+namespace radbake {
+namespace {
+
+gltf::Source Ours(const std::string& name) {
+  return gltf::ReadSource(std::string(RADBAKE_SOURCE_DIR "/scenes/") + name);
+}
+
+gltf::Source Shared(const std::string& name) {
+  return gltf::ReadSource(std::string(RADBAKE_SOURCE_DIR "/../shared/scenes/") + name);
+}
+
+Parameters Asking(double error, std::size_t probes) {
+  Parameters parameters;
+  parameters.error = error;
+  parameters.check = probes;
+  return parameters;
+}
+
+TEST(Bake, GivesTheSameBytesOnOneThreadAndOnTwoAndAgain) {
+  const Parameters parameters = Asking(0.05, 0);
+  std::string first;
+  for (const std::size_t threads : {1U, 2U, 2U}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    const std::string glb = Bake(Ours("cornell-box.glb"), parameters).glb;
+    if (first.empty()) {
+      first = glb;
+    }
+    EXPECT_TRUE(glb == first) << threads << " threads";
+  }
+}
+
+// The suite whose name begins with Accuracy measures; it takes too long under a sanitizer.
+TEST(Accuracy, OfTheDefaultBakeOfTheCornellBoxIsTwoPercentWithoutBias) {
+  const Statistics statistics = Bake(Ours("cornell-box.glb"), Asking(0.02, 4096)).statistics;
+  ASSERT_TRUE(statistics.measured.has_value());
+  EXPECT_LE(statistics.measured->error, 0.02);
+  EXPECT_LE(std::abs(statistics.measured->bias), 0.005);
+  EXPECT_EQ(statistics.measured->missing, 0);
+  EXPECT_LE(statistics.energy.imbalance, 0.005);
+  EXPECT_EQ(statistics.stopped_by, StoppedBy::kError);
+}
+
+TEST(Accuracy, OfTheDefaultBakeOfTwoRoomsIsThreePercent) {
+  const Statistics statistics = Bake(Ours("two-rooms.glb"), Asking(0.02, 2048)).statistics;
+  ASSERT_TRUE(statistics.measured.has_value());
+  EXPECT_LE(statistics.measured->error, 0.03);
+  EXPECT_LE(statistics.energy.imbalance, 0.005);
+}
+
+TEST(Accuracy, RisesEachTimeThatTheErrorIsHalved) {
+  double last = 1;
+  for (const double error : {0.08, 0.04, 0.02, 0.01}) {
+    const Statistics statistics = Bake(Ours("cornell-box.glb"), Asking(error, 2048)).statistics;
+    ASSERT_TRUE(statistics.measured.has_value());
+    EXPECT_LT(statistics.measured->error, last) << "asked for " << error;
+    last = statistics.measured->error;
+  }
+}
+
+TEST(Accuracy, OfTheOtherScenesIsTwoPercentToo) {
+  for (const char* name : {"furnace-box.glb", "furnace-sphere.glb", "plates-parallel.glb",
+                           "plates-perpendicular.glb", "plates-occluded.glb"}) {
+    const Statistics statistics = Bake(Ours(name), Asking(0.02, 1024)).statistics;
+    ASSERT_TRUE(statistics.measured.has_value());
+    EXPECT_LE(statistics.measured->error, 0.02) << name;
+    EXPECT_LE(statistics.energy.imbalance, 0.005) << name;
+  }
+}
+
+TEST(Bake, NamesWhatItDoesNotUse) {
+  const BakeResult result = Bake(Shared("cornell-box-bevy.glb"), Asking(0.2, 0));
+  EXPECT_EQ(result.statistics.scene.triangles, 36U);
+  bool second_set = false;
+  for (const Ignored& ignored : result.statistics.scene.ignored) {
+    second_set = second_set || ignored.feature.find("TEXCOORD_1") != std::string::npos;
+  }
+  EXPECT_TRUE(second_set);
+}
+
+TEST(Bake, SaysThatNothingEmits) {
+  EXPECT_THAT([] { Bake(Shared("living-room.glb"), Parameters()); },
+              ::testing::ThrowsMessage<InputError>(::testing::HasSubstr("nothing in the scene emits light")));
+}
+
+TEST(Bake, ReportsProgressThatNeverFallsAndStopsWhenTold) {
+  double last = 0;
+  std::size_t reports = 0;
+  Bake(Ours("cornell-box.glb"), Asking(0.1, 0), [&](const Progress& progress) {
+    EXPECT_GE(progress.fraction, last);
+    EXPECT_LE(progress.fraction, 1);
+    last = progress.fraction;
+    ++reports;
+    return Continue::kYes;
+  });
+  EXPECT_GE(reports, 4U);
+  EXPECT_EQ(last, 1);
+  EXPECT_THROW(Bake(Ours("cornell-box.glb"), Asking(0.1, 0),
+                    [](const Progress& progress) {
+                      return progress.phase == "gather" ? Continue::kStop : Continue::kYes;
+                    }),
+               Interrupted);
+}
+
+TEST(Bake, StopsRefiningWhenTimeIsUp) {
+  Parameters parameters = Asking(0.001, 0);
+  parameters.time_budget = 0.05;
+  const BakeResult result = Bake(Ours("cornell-box.glb"), parameters);
+  EXPECT_EQ(result.statistics.stopped_by, StoppedBy::kTimeBudget);
+  EXPECT_GT(result.statistics.output.vertices, 0U);
+}
+
+}  // namespace
+}  // namespace radbake
