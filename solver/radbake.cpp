@@ -49,7 +49,8 @@ class Watch {
     progress_.seconds = Seconds();
     progress_.fraction = std::max(progress_.fraction, fraction);
     constexpr double kInterval = 0.1;
-    if (callback_ && (phase != progress_.phase || progress_.seconds >= last_report_ + kInterval)) {
+    if (callback_ &&
+        (phase != progress_.phase || fraction >= 1 || progress_.seconds >= last_report_ + kInterval)) {
       progress_.phase = phase;
       last_report_ = progress_.seconds;
       if (callback_(progress_) == Continue::kStop) {

@@ -18,13 +18,12 @@ class PushPull {
   PushPull(const Hierarchy& hierarchy, const std::vector<Rgb>& gathered, Light& light)
       : hierarchy_(hierarchy), gathered_(gathered), light_(light) {}
 
-  /// `from_above`: irradiance that the ancestors of `e` gathered.
-  Norms Visit(Index e, const Rgb& from_above) {
-    const Rgb irradiance = from_above + gathered_[e];
+  Norms Visit(Index e) {
     const Element& element = hierarchy_[e];
     Norms norms;
     if (element.IsLeaf()) {
       const Patch& patch = hierarchy_.PatchOf(e);
+      const Rgb& irradiance = gathered_[e];
       const Rgb radiosity = patch.emission + patch.reflectance * irradiance;
       norms.change = element.area * (radiosity - light_.radiosity[e]).square().sum();
       norms.radiosity = element.area * radiosity.square().sum();
@@ -43,15 +42,12 @@ class PushPull {
     Rgb radiosity = Rgb::Zero();
     Rgb mean_irradiance = Rgb::Zero();
     for (Index child = first; child < first + 4; ++child) {
-      // What was gathered falls on the open parts.
-      const Norms below =
-          Visit(child, open_area > 0 ? irradiance * (light_.open[child] * area / open_area) : irradiance);
+      const Norms below = Visit(child);
       norms.change += below.change;
       norms.radiosity += below.radiosity;
       radiosity += hierarchy_[child].area * light_.radiosity[child];
       mean_irradiance += hierarchy_[child].area * light_.irradiance[child];
     }
-    light_.open[e] = open_area / area;
     light_.radiosity[e] = radiosity / area;
     light_.irradiance[e] = mean_irradiance / area;
     light_.variation[e] = Variation(first, open_area, Luminance(radiosity));
@@ -80,18 +76,18 @@ class PushPull {
 
 }  // namespace
 
-double ApplyRadiosityOperator(const Hierarchy& hierarchy, const Links& links, Light& light) {
+double ApplyRadiosityOperator(const Hierarchy& hierarchy, const Rows& rows, Light& light) {
   std::vector<Rgb> gathered(hierarchy.size());
-  tbb::parallel_for(std::size_t{0}, hierarchy.size(), [&](std::size_t e) {
+  tbb::parallel_for(std::size_t{0}, rows.leaves().size(), [&](std::size_t k) {
     Rgb sum = Rgb::Zero();
-    for (const Link& link : links.Into(static_cast<Index>(e))) {
-      sum += static_cast<double>(link.form_factor * link.visibility) * light.Shooting(link.shooter);
+    for (const Gathered& entry : rows[k]) {
+      sum += static_cast<double>(entry.weight) * light.Shooting(entry.shooter);
     }
-    gathered[e] = sum;
+    gathered[rows.leaves()[k]] = sum;
   });
   std::vector<Norms> norms(hierarchy.root_count());
   tbb::parallel_for(std::size_t{0}, norms.size(), [&](std::size_t root) {
-    norms[root] = PushPull(hierarchy, gathered, light).Visit(static_cast<Index>(root), Rgb::Zero());
+    norms[root] = PushPull(hierarchy, gathered, light).Visit(static_cast<Index>(root));
   });
   Norms total;
   for (const Norms& part : norms) {

@@ -63,14 +63,27 @@ class Solver {
       const auto element = static_cast<Index>(e);
       solution_.light.open[e] = visibility_.OpenShare(hierarchy_.Shape(element), Hash(e), kPoints);
     });
+    for (std::size_t e = hierarchy_.size(); e-- > 0;) {
+      const Element& element = hierarchy_[static_cast<Index>(e)];
+      if (!element.IsLeaf()) {
+        double open_area = 0;
+        double area = 0;
+        for (Index child = element.first_child; child < element.first_child + 4; ++child) {
+          open_area += hierarchy_[child].area * solution_.light.open[child];
+          area += hierarchy_[child].area;
+        }
+        solution_.light.open[e] = open_area / area;
+      }
+    }
   }
 
   /// Sweeps until what is left of the geometric series of residuals is below the tolerance.
   void Iterate(double tolerance) {
     now_.sweeps = 0;
     double previous = 0;
+    const Rows rows(hierarchy_, linker_.links(), solution_.light);
     for (; now_.sweeps < kMaxSweeps; ++now_.sweeps) {
-      now_.residual = ApplyRadiosityOperator(hierarchy_, linker_.links(), solution_.light);
+      now_.residual = ApplyRadiosityOperator(hierarchy_, rows, solution_.light);
       const double ratio = previous > 0 ? now_.residual / previous : 1;
       previous = now_.residual;
       // The first sweeps spread light that the later ones only damp: their ratio says nothing yet.
