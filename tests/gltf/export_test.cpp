@@ -63,6 +63,7 @@ TEST(Export, IsReadBackAsItWasBaked) {
         }
       }
     }
+    found.reserve(read.triangles.size());
     for (const Triangle& triangle : read.triangles) {
       found.push_back(corners(read.positions, triangle));
     }
