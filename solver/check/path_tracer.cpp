@@ -63,7 +63,7 @@ Rgb PathTracer::FromLights(const Place& place, std::array<double, 2> sample, std
   const double receiving = place.normal.dot(way);
   const double facing = -light.normal.dot(way);
   const double emitting = light.back ? std::abs(facing) : facing;
-  if (!(receiving > 0 && emitting > 0)) {
+  if (receiving <= 0 || emitting <= 0) {
     return Rgb::Zero();
   }
   ++rays;

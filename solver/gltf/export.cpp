@@ -140,10 +140,10 @@ class Exporter {
 
   std::size_t MakeMaterial(std::optional<std::size_t> original, Index scene_material,
                            const std::set<std::size_t>& used) {
-    static const Json plain = {{"pbrMetallicRoughness", {{"metallicFactor", 0}}}};
+    static const Json kPlain = {{"pbrMetallicRoughness", {{"metallicFactor", 0}}}};
     Json& materials = root_["materials"];
     Json unlit =
-        MakeUnlit(original ? materials[*original] : plain, imported_.scene.materials[scene_material]);
+        MakeUnlit(original ? materials[*original] : kPlain, imported_.scene.materials[scene_material]);
     if (original && used.count(*original) == 0) {
       materials[*original] = std::move(unlit);
       return *original;

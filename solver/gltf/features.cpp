@@ -60,9 +60,9 @@ void IgnoreExtensions(const Json& root, Scene& scene) {
 
 void IgnoreLights(const Json& root, const std::vector<Placed>& placed, Scene& scene) {
   constexpr const char* kLights = "KHR_lights_punctual";
-  static const Json none = Json::object();
+  static const Json kEmpty = Json::object();
   const Json* extension = FindExtension(root, kLights, {"glTF"});
-  const Json& lights = Objects(extension == nullptr ? none : *extension, "lights", {kLights});
+  const Json& lights = Objects(extension == nullptr ? kEmpty : *extension, "lights", {kLights});
   std::set<std::size_t> noted;
   for (const Placed& place : placed) {
     const Json* use = FindExtension(root.at("nodes")[place.node], kLights, {"node", place.node});

@@ -131,10 +131,10 @@ const Json* FindObject(const Json& object, const char* key, const Place& place) 
 }
 
 const Json& Objects(const Json& object, const char* key, const Place& place) {
-  static const Json none = Json::array();
+  static const Json kEmpty = Json::array();
   const Json* member = Find(object, key);
   if (member == nullptr) {
-    return none;
+    return kEmpty;
   }
   if (!member->is_array()) {
     Fail(place, std::string(key) + " is not a list");

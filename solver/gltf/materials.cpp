@@ -45,9 +45,9 @@ void IgnoreTexture(const Json& root, const Json& object, const Texture& texture,
 
 void ImportDiffuse(const Json& root, const Json& json, const std::string& name, const Place& place,
                    Scene& scene, Material& material) {
-  static const Json none = Json::object();
+  static const Json kEmpty = Json::object();
   const Json* pbr = FindObject(json, "pbrMetallicRoughness", place);
-  const Json& base = pbr == nullptr ? none : *pbr;
+  const Json& base = pbr == nullptr ? kEmpty : *pbr;
   const std::array<double, 4> color = Factor<4>(base, "baseColorFactor", {1, 1, 1, 1}, place);
   material.reflectance = Rgb(color[0], color[1], color[2]);
   if ((material.reflectance > kMostReflectance).any()) {
@@ -104,8 +104,8 @@ void Ignore(Scene& scene, const std::string& feature, const std::string& reason)
 }
 
 Material ImportMaterial(const Json& root, std::optional<std::size_t> index, Scene& scene) {
-  static const Json none = Json::object();
-  const Json& json = index ? root.at("materials")[*index] : none;
+  static const Json kEmpty = Json::object();
+  const Json& json = index ? root.at("materials")[*index] : kEmpty;
   const Place place{index ? "material" : "default material", index.value_or(Place::kWhole)};
   Material material;
   material.name = Text(json, "name", ToString(place), place);

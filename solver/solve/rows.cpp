@@ -43,7 +43,7 @@ void Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Light& lig
   const bool has_more = own.size() < row.size();
   double missed = 0;  // by the means of the leaf's own links, of what the centroid sees
   for (const Link& link : own) {
-    const double mean = static_cast<double>(link.visibility * link.form_factor);
+    const auto mean = static_cast<double>(link.visibility * link.form_factor);
     missed += has_more ? at_centroid(link) - mean : 0;
     row[at++] = {link.shooter, static_cast<float>(mean)};
   }

@@ -107,8 +107,7 @@ TEST_F(ChildTest, EndsThoughADescendantHoldsItsPipes) {
 }
 
 TEST_F(ChildTest, SaysSoWhenThereIsNoProgram) {
-  const ChildEnd end = RunChild(
-      {folder() / "none", {}, folder()}, [](std::string_view) {}, stop());
+  const ChildEnd end = RunChild({folder() / "none", {}, folder()}, [](std::string_view) {}, stop());
   EXPECT_EQ(end.exit_code, 127);
   EXPECT_NE(end.error, "");
 }
