@@ -34,7 +34,7 @@ struct Statistics {
   std::vector<std::pair<std::string, double>> seconds;  ///< by phase, in the order they ran
   std::size_t peak_bytes = 0;                           ///< of the process
   std::uint64_t rays = 0;                               ///< of the bake, without the check's
-  double ray_seconds = 0;                               ///< thread-seconds inside the ray tracer
+  double ray_seconds = 0;  ///< thread-seconds casting rays, from every eighth batch
   struct {
     std::size_t vertices = 0;
     std::size_t triangles = 0;

@@ -124,7 +124,7 @@ class SurfaceBuilder {
   std::unordered_map<Index, std::vector<Index>> by_vertex_;
 };
 
-/// Radiance of a white surface, by the channel that is brightest, that 95 % of the lit area stay below.
+/// Radiance of a white surface, by the channel that is brightest, that 98 % of the lit area stay below.
 double AutoExposure(const Hierarchy& hierarchy, const OutputMesh& mesh, double lux) {
   std::vector<std::pair<double, double>> samples;  // value, area
   double area = 0;
@@ -139,7 +139,7 @@ double AutoExposure(const Hierarchy& hierarchy, const OutputMesh& mesh, double l
     return 1;
   }
   std::sort(samples.begin(), samples.end());
-  constexpr double kWhite = 0.95;
+  constexpr double kWhite = 0.98;
   double below = 0;
   for (const auto& [value, share] : samples) {
     below += share;

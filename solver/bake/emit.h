@@ -8,7 +8,7 @@
 
 namespace radbake {
 
-/// Irradiance in lx; `exposure` as given, or set so that 95 % of the lit area stay below white.
+/// Irradiance in lx; `exposure` as given, or set so that 98 % of the lit area stay below white.
 BakedScene Emit(const Hierarchy& hierarchy, const OutputMesh& mesh, std::size_t surface_count,
                 std::optional<double> exposure);
 
