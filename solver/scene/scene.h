@@ -1,6 +1,7 @@
 /// The scene as light sees it: surfaces in world space with diffuse materials. Nothing here knows glTF.
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,24 @@ struct Surface {
   std::size_t attribute_width = 0;
 };
 
+/// A light without area (KHR_lights_punctual), as a node places it. It gives radiance of its own to nothing:
+/// only what it lights is seen.
+struct PunctualLight {
+  enum class Kind { kPoint, kSpot, kDirectional };
+  std::string name;
+  Kind kind = Kind::kPoint;
+  Vec3 position = Vec3::Zero();     ///< world space, metres; of no meaning for kDirectional
+  Vec3 direction = -Vec3::UnitZ();  ///< unit, the way its light goes; of no meaning for kPoint
+  Rgb intensity = Rgb::Zero();      ///< cd; of kDirectional the illuminance in lx on a surface that faces it
+  double range = std::numeric_limits<double>::infinity();  ///< metres, above 0; kDirectional has none
+  double inner_cosine = 1;  ///< kSpot: full light within this cone, none outside the outer one
+  double outer_cosine = -1;
+
+  /// Share of the intensity that goes to a point `along` metres away from the light: the cone of a spot and
+  /// the window of a range, as KHR_lights_punctual defines them; 1/d² and cosines are not in it.
+  double Attenuation(const Vec3& along) const;
+};
+
 /// A feature of the input that the bake does not use, and why: never dropped in silence.
 struct Ignored {
   std::string feature;  ///< "punctual light 'lamp'", "baseColorTexture of material 'wood'"
@@ -45,6 +64,8 @@ struct Ignored {
 struct Scene {
   std::vector<Material> materials;
   std::vector<Surface> surfaces;
+  std::vector<PunctualLight> lights;
+  Rgb environment = Rgb::Zero();  ///< radiance of a uniform sky in cd/m², not negative
   std::vector<Ignored> ignored;
   std::vector<std::string> warnings;
 };
