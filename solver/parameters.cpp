@@ -10,8 +10,6 @@
 #include <utility>
 #include <vector>
 
-#include "solver/scene/types.h"
-
 namespace radbake {
 namespace {
 
@@ -76,6 +74,21 @@ bool ReadShare(const Json& value, std::optional<double>& out) {
   return ReadNumber(value, std::numeric_limits<double>::min(), std::nextafter(1.0, 0.0), out);
 }
 
+bool ReadRadiance(const Json& value, Rgb& out) {
+  constexpr double kBrightest = 1e18;
+  std::array<double, 3> channels{};
+  if (!value.is_array() || value.size() != channels.size()) {
+    return false;
+  }
+  for (std::size_t i = 0; i < channels.size(); ++i) {
+    if (!ReadNumber(value[i], 0, kBrightest, channels[i])) {
+      return false;
+    }
+  }
+  out = Rgb(channels[0], channels[1], channels[2]);
+  return true;
+}
+
 bool ReadNothing(const Json&, Parameters&) {
   return false;
 }
@@ -132,9 +145,10 @@ constexpr std::array kSpecs{
                   [](const Parameters& p) { return p.exposure ? Json(*p.exposure) : Json("auto"); }},
     ParameterSpec{"output.texel_size", kNoImages, "metres", ReadNothing, WriteNothing},
     ParameterSpec{"output.max_size", kNoImages, "texels", ReadNothing, WriteNothing},
-    ParameterSpec{"environment.radiance", "[0, 0, 0]", "a uniform sky: red, green, blue in cd/m²",
-                  [](const Json& value, Parameters&) { return value == Json{0, 0, 0}; },
-                  [](const Parameters&) { return Json{0, 0, 0}; }},
+    ParameterSpec{"environment.radiance", "[red, green, blue], each a number from 0 to 1e18",
+                  "a uniform sky, in cd/m²",
+                  [](const Json& value, Parameters& p) { return ReadRadiance(value, p.environment); },
+                  [](const Parameters& p) { return Json(std::span(p.environment.data(), 3)); }},
     ParameterSpec{"oracle.a_min", kShare,
                   "elements smaller than this share of the scene's area are not divided",
                   [](const Json& value, Parameters& p) { return ReadShare(value, p.oracle.a_min); },

@@ -7,6 +7,8 @@
 #include <span>
 #include <string_view>
 
+#include "solver/scene/types.h"
+
 namespace radbake {
 
 enum class Method { kHierarchical, kAdaptive };
@@ -30,6 +32,7 @@ struct Parameters {
   Method method = Method::kAdaptive;
   FinalGather final_gather = FinalGather::kAuto;
   std::optional<double> exposure;  ///< nothing: auto
+  Rgb environment = Rgb::Zero();   ///< radiance of a uniform sky in cd/m², 0 to 1e18
   OracleParameters oracle;         ///< nothing: from `error`
   std::size_t check = 256;         ///< probes, 0 to 1,000,000; 0: no check
 };

@@ -115,7 +115,8 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
   const auto end_phase = [&](const char* name) { statistics.seconds.emplace_back(name, watch.Lap()); };
 
   watch.Report("import", 0);
-  const gltf::Document document(source);
+  gltf::Document document(source);
+  document.SetEnvironment(parameters.environment);
   const Scene& scene = document.scene();
   const Patches patches = CutIntoPatches(scene);
   statistics.warnings = scene.warnings;
@@ -127,6 +128,7 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
   }
   statistics.scene.lights = static_cast<std::size_t>(std::ranges::count_if(
       patches.patches, [](const Patch& patch) { return patch.emission.maxCoeff() > 0; }));
+  statistics.scene.lights += scene.lights.size() + ((scene.environment > 0).any() ? 1U : 0U);
   end_phase("import");
 
   watch.Report("solve", kImported);

@@ -24,7 +24,7 @@ struct Statistics {
     std::size_t triangles = 0;
     std::size_t patches = 0;
     std::size_t materials = 0;
-    std::size_t lights = 0;  ///< emitting patches
+    std::size_t lights = 0;  ///< emitting patches, lights without area, and the sky if it shines
     std::vector<Ignored> ignored;
   } scene;
   std::vector<Iteration> iterations;

@@ -31,6 +31,7 @@ TEST(Parameters, TakeDefaultsForAnEmptyObject) {
   EXPECT_EQ(parameters.method, Method::kAdaptive);
   EXPECT_EQ(parameters.final_gather, FinalGather::kAuto);
   EXPECT_FALSE(parameters.exposure);
+  EXPECT_TRUE((parameters.environment == 0).all());
   EXPECT_EQ(parameters.check, 256U);
 }
 
@@ -38,12 +39,13 @@ TEST(Parameters, TakeEveryKeyThatIsBuilt) {
   const Parameters parameters = ParseParameters(R"({
     "error": 0.05, "time_budget": 30, "method": "hierarchical", "basis": "constant", "clustering": "off",
     "final_gather": "on", "output": {"kind": "vertex", "exposure": 2.5},
-    "environment": {"radiance": [0, 0.0, 0]}, "oracle": {"a_min": 1e-4, "f_max": 0.1, "w_min": 1e-5}, "check": 0})");
+    "environment": {"radiance": [0, 0.5, 1e18]}, "oracle": {"a_min": 1e-4, "f_max": 0.1, "w_min": 1e-5}, "check": 0})");
   EXPECT_EQ(parameters.error, 0.05);
   EXPECT_EQ(parameters.time_budget, 30);
   EXPECT_EQ(parameters.method, Method::kHierarchical);
   EXPECT_EQ(parameters.final_gather, FinalGather::kOn);
   EXPECT_EQ(parameters.exposure, 2.5);
+  EXPECT_TRUE((parameters.environment == Rgb(0, 0.5, 1e18)).all());
   EXPECT_EQ(parameters.oracle.a_min, 1e-4);
   EXPECT_EQ(parameters.oracle.f_max, 0.1);
   EXPECT_EQ(parameters.oracle.w_min, 1e-5);
@@ -54,7 +56,7 @@ TEST(Parameters, TakeBackWhatTheyWrite) {
   for (const std::string_view json :
        {R"({})",
         R"({"error": 0.125, "time_budget": 3, "method": "hierarchical", "final_gather": "on", "check": 7,
-            "output": {"exposure": 0.5}, "oracle": {"a_min": 0.001, "f_max": 0.25, "w_min": 0.5}})"}) {
+            "output": {"exposure": 0.5}, "environment": {"radiance": [1, 0.25, 0]}, "oracle": {"a_min": 0.001, "f_max": 0.25, "w_min": 0.5}})"}) {
     const nlohmann::ordered_json written = ToJson(ParseParameters(json));
     EXPECT_EQ(ToJson(ParseParameters(written.dump())), written);
     EXPECT_EQ(written["output"]["kind"], "vertex");
@@ -90,8 +92,12 @@ TEST(Parameters, NameTheKeyAndWhatItTakesWhenAValueIsNotTaken) {
            {R"({"output": {"texel_size": 0.1}})", "output.texel_size", "lightmap and texture output"},
            {R"({"output": {"max_size": 1024}})", "output.max_size", "lightmap and texture output"},
            {R"({"output": "vertex"})", "output", "takes an object"},
-           {R"({"environment": {"radiance": [1, 1, 1]}})", "environment.radiance", "[0, 0, 0]"},
-           {R"({"environment": {"radiance": 0}})", "environment.radiance", "[0, 0, 0]"},
+           {R"({"environment": {"radiance": [1, 1]}})", "environment.radiance", "[red, green, blue]"},
+           {R"({"environment": {"radiance": [1, 1, -1]}})", "environment.radiance", "from 0 to 1e18"},
+           {R"({"environment": {"radiance": [1, 1, 1e19]}})", "environment.radiance", "from 0 to 1e18"},
+           {R"({"environment": {"radiance": [1, "1", 1]}})", "environment.radiance", "each a number"},
+           {R"({"environment": [1, 1, 1]})", "environment", "an object"},
+           {R"({"environment": {"radiance": 0}})", "environment.radiance", "[red, green, blue]"},
            {R"({"oracle": {"a_min": 0}})", "oracle.a_min", "above 0 and below 1"},
            {R"({"oracle": {"f_max": 1}})", "oracle.f_max", "above 0 and below 1"},
            {R"({"oracle": {"w_min": -0.5}})", "oracle.w_min", "above 0 and below 1"},
@@ -159,10 +165,12 @@ TEST(Parameters, AreSetFromTheTextOfAFlag) {
   SetParameter("error", "0.1", parameters);
   SetParameter("output.exposure", "3", parameters);
   SetParameter("check", "12", parameters);
+  SetParameter("environment.radiance", "[3, 2, 1]", parameters);
   EXPECT_EQ(parameters.method, Method::kHierarchical);
   EXPECT_EQ(parameters.error, 0.1);
   EXPECT_EQ(parameters.exposure, 3);
   EXPECT_EQ(parameters.check, 12U);
+  EXPECT_TRUE((parameters.environment == Rgb(3, 2, 1)).all());
   SetParameter("output.exposure", "auto", parameters);
   EXPECT_FALSE(parameters.exposure);
   EXPECT_THROW(SetParameter("error", "much", parameters), InputError);

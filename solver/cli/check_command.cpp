@@ -1,5 +1,6 @@
 #include "solver/cli/check_command.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -36,11 +37,19 @@ CheckCommand::CheckCommand(CLI::App& app)
   command_->add_option("--threads", threads_, "how many to use (default: one a core)")
       ->check(CLI::Range(1, kMostThreads))
       ->type_name("N");
+  const auto spec = std::ranges::find(ParameterSpecs(), "environment.radiance", &ParameterSpec::key);
+  command_
+      ->add_option_function<std::string>(
+          "--" + std::string(spec->key),
+          [this, key = spec->key](const std::string& text) { SetParameter(key, text, parameters_); },
+          "what it was baked with: " + std::string(spec->means) + " (takes " + std::string(spec->takes) + ")")
+      ->type_name("");
   command_->add_flag("--json", json_, "print JSON: the statistics' error.measured");
 }
 
 void CheckCommand::Run() const {
-  const gltf::Document document(gltf::ReadSource(scene_));
+  gltf::Document document(gltf::ReadSource(scene_));
+  document.SetEnvironment(parameters_.environment);
   const BakedTriangles baked = gltf::ReadIrradiance(gltf::ReadSource(baked_));
   const CheckSummary summary =
       WithThreads(threads_, [&] { return Check(document.scene(), baked, options_); });

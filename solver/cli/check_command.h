@@ -6,6 +6,7 @@
 #include <string>
 
 #include "solver/check/check.h"
+#include "solver/parameters.h"
 
 namespace radbake::cli {
 
@@ -25,6 +26,7 @@ class CheckCommand {
   std::string scene_;
   std::string baked_;
   CheckOptions options_;
+  Parameters parameters_;  ///< of which only the environment is asked for
   std::optional<int> threads_;
   bool json_ = false;
 };

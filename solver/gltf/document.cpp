@@ -27,6 +27,10 @@ const Scene& Document::scene() const {
   return impl_->imported.scene;
 }
 
+void Document::SetEnvironment(const Rgb& radiance) {
+  impl_->imported.scene.environment = radiance;
+}
+
 std::string Document::Export(const BakedScene& baked) const {
   return gltf::Export(impl_->file, impl_->source, impl_->imported, baked);
 }

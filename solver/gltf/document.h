@@ -43,6 +43,10 @@ class Document {
 
   const Scene& scene() const;
 
+  /// Sets scene().environment, of which glTF says nothing: the radiance of a uniform sky in cd/m², not
+  /// negative.
+  void SetEnvironment(const Rgb& radiance);
+
   /// The document with its surfaces replaced by the baked ones (DESIGN section 4, `vertex`), as one .glb.
   /// `baked.surfaces` is parallel to scene().surfaces.
   std::string Export(const BakedScene& baked) const;

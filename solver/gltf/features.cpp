@@ -49,28 +49,11 @@ std::vector<std::string> Names(const Json& root, const char* key) {
 
 void IgnoreExtensions(const Json& root, Scene& scene) {
   for (const std::string& name : Names(root, "extensionsUsed")) {
-    // Those of materials, lights and instances are noted with the material, the light and the node.
+    // Those of materials and instances are noted with the material and the node.
     const bool noted = name.starts_with("KHR_materials_") && name != "KHR_materials_variants";
     const bool unused = name == "KHR_materials_variants" || name == "KHR_animation_pointer";
     if (unused || (!noted && !IsHarmless(name) && name != "EXT_mesh_gpu_instancing")) {
       Ignore(scene, "extension " + Quoted(name), "kept as it is");
-    }
-  }
-}
-
-void IgnoreLights(const Json& root, const std::vector<Placed>& placed, Scene& scene) {
-  constexpr const char* kLights = "KHR_lights_punctual";
-  static const Json kEmpty = Json::object();
-  const Json* extension = FindExtension(root, kLights, {"glTF"});
-  const Json& lights = Objects(extension == nullptr ? kEmpty : *extension, "lights", {kLights});
-  std::set<std::size_t> noted;
-  for (const Placed& place : placed) {
-    const Json* use = FindExtension(root.at("nodes")[place.node], kLights, {"node", place.node});
-    const std::optional<std::size_t> light =
-        use == nullptr ? std::nullopt : FindIndex(*use, "light", lights.size(), {"node", place.node});
-    if (light && noted.insert(*light).second) {
-      const std::string name = Text(lights[*light], "name", std::to_string(*light), {"light", *light});
-      Ignore(scene, "punctual light " + Quoted(name), "only emissive surfaces give light");
     }
   }
 }
@@ -127,7 +110,6 @@ void IgnoreFeatures(const Json& root, const Layout& layout, Scene& scene) {
   }
   const std::vector<Placed> placed = PlaceNodes(layout);
   IgnoreExtensions(root, scene);
-  IgnoreLights(root, placed, scene);
   IgnoreAnimations(root, scene);
   std::set<std::size_t> noted;
   for (const Placed& place : placed) {

@@ -10,7 +10,7 @@ namespace radbake::gltf {
 /// would be others.
 void CheckRequiredExtensions(const Json& root);
 
-/// Notes lights, animations, skinned meshes, points and lines, attributes, other scenes and unknown
+/// Notes animations, skinned meshes, points and lines, attributes, other scenes and unknown
 /// extensions. Materials are noted where they are imported.
 void IgnoreFeatures(const Json& root, const Layout& layout, Scene& scene);
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "solver/gltf/features.h"
+#include "solver/gltf/lights.h"
 #include "solver/gltf/materials.h"
 
 namespace radbake::gltf {
@@ -33,6 +34,7 @@ class Importer {
 
   Imported Run() {
     IgnoreFeatures(root_, layout_, imported_.scene);
+    ImportLights(root_, layout_, imported_.scene);
     ForEachDrawing(layout_, limits_, [this](const Placed& placed, std::size_t p) { Add(placed, p); });
     if (imported_.scene.surfaces.empty()) {
       throw InputError("the scene has no triangles to bake");

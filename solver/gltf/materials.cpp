@@ -6,9 +6,6 @@
 namespace radbake::gltf {
 namespace {
 
-/// Squares of what is brighter overflow in single precision.
-constexpr double kBrightest = 1e18;
-
 /// Full reflectance would never let light die out in a closed room.
 constexpr double kMostReflectance = 0.999;
 

@@ -8,6 +8,9 @@
 
 namespace radbake::gltf {
 
+/// The most of any factor, radiance or intensity: squares of what is brighter overflow in single precision.
+constexpr double kBrightest = 1e18;
+
 /// The scene's material for one of the glTF's, or for the default material of a primitive that names none.
 /// Adds to the scene's ignored features and warnings what it does not use. Throws InputError for a factor
 /// that is negative or too large to compute with.

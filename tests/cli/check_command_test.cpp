@@ -66,6 +66,7 @@ TEST_F(CheckCommand, RefusesBadUsageInOneLineWithExitCodeTwo) {
            {{"check", scene, scene}, "_IRRADIANCE"},
            {{"check", scene, scene, "--probes", "0"}, "--probes"},
            {{"check", scene, scene, "--probes", "many"}, "--probes"},
+           {{"check", scene, scene, "--environment.radiance", "[1, 1]"}, "environment.radiance"},
        }) {
     const Outcome run = Radbake(one.arguments);
     EXPECT_EQ(run.code, 2) << one.named;
