@@ -196,7 +196,7 @@ BakedScene Emit(const Hierarchy& hierarchy, const OutputMesh& mesh, std::size_t 
     }
   };
   const std::array<Weights, 4> unit = {Weights{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
-  for (Index root = 0; root < hierarchy.root_count(); ++root) {
+  for (Index root = 0; root < hierarchy.surface_root_count(); ++root) {
     visit(visit, root, unit);
   }
   return scene;

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "solver/transport/form_factor.h"
+#include "solver/transport/node_transport.h"
 #include "solver/transport/sampling.h"
 
 namespace radbake {
@@ -27,7 +27,7 @@ Gatherer::Gatherer(const Hierarchy& hierarchy, const Light& light, const Links& 
     : hierarchy_(hierarchy), light_(light), links_(links), visibility_(visibility), options_(options) {
   double sum = 0;
   double area = 0;
-  for (Index root = 0; root < hierarchy.root_count(); ++root) {
+  for (Index root = 0; root < hierarchy.surface_root_count(); ++root) {
     const double e = Luminance(light.irradiance[root]);
     sum += hierarchy[root].area * e * e;
     area += hierarchy[root].area;
@@ -55,34 +55,50 @@ Index Gatherer::SolverLeaf(Index element, const Vec3& x) const {
   return element;
 }
 
-double Gatherer::PointVisibility(const Link& link, const Vec3& x, const Vec3& n, const Polygon& shooter,
-                                 double share, QuasiRandom<2>& random) const {
-  if (link.clear) {
-    return 1;
-  }
+Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale, QuasiRandom<2>& on_polygon,
+                    QuasiRandom<3>& on_cluster) const {
   // A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters.
   constexpr double kNegligible = 0.02;
-  const double rays = std::min(1.0, share) * options_.rays;
-  return rays < kNegligible
-             ? link.visibility
-             : visibility_.FromPoint(x, n, shooter, random, std::max(1, static_cast<int>(std::lround(rays))));
+  const bool self = link.receiver == link.shooter;
+  const Rgb shooting = self ? light_.clusters[link.shooter - kFirstCluster].mean
+                            : light_.Shooting(hierarchy_, link.shooter, x);
+  const double unoccluded =
+      self ? static_cast<double>(link.form_factor) : UnoccludedAt(hierarchy_, x, n, link.shooter);
+  const Rgb open = unoccluded * shooting;
+  // A part of a cluster may be in sight where its middle is not.
+  const double share =
+      IsCluster(link.shooter) ? std::max(unoccluded, static_cast<double>(link.form_factor)) : unoccluded;
+  if (link.clear || !(share > 0)) {
+    return open;
+  }
+  const double rays = std::min(1.0, share * Luminance(shooting) / scale) * options_.rays;
+  if (rays < kNegligible) {
+    return link.visibility * open;
+  }
+  const int count = std::max(1, static_cast<int>(std::lround(rays)));
+  return IsElement(link.shooter)
+             ? Rgb(visibility_.FromPoint(x, n, hierarchy_.Shape(link.shooter), on_polygon, count) * open)
+             : Rgb(FromNodeAt(hierarchy_, visibility_, x, n, link.shooter, on_cluster, count) * shooting);
 }
 
 Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
   const Vec3& n = hierarchy_.PatchOf(leaf).normal;
   // A dark corner gets as many rays as its own light deserves, within reason.
   const double scale = std::max(Luminance(light_.irradiance[leaf]), 0.1 * typical_);
-  QuasiRandom<2> random(key);
+  QuasiRandom<2> on_polygon(key);
+  QuasiRandom<3> on_cluster(key);
   Rgb sum = Rgb::Zero();
-  for (Index e = leaf; e != kNone; e = hierarchy_[e].parent) {
-    for (const Link& link : links_.Into(e)) {
-      const Polygon shooter = hierarchy_.Shape(link.shooter);
-      const Rgb open = PointToPolygon(x, n, shooter) * light_.Shooting(link.shooter);
-      const double luminance = Luminance(open);
-      if (luminance > 0) {
-        sum += open * PointVisibility(link, x, n, shooter, luminance / scale, random);
-      }
+  const auto add = [&](Index receiver) {
+    for (const Link& link : links_.Into(receiver)) {
+      sum += Along(link, x, n, scale, on_polygon, on_cluster);
     }
+  };
+  for (Index e = leaf; e != kNone; e = hierarchy_[e].parent) {
+    add(e);
+  }
+  const Clusters& clusters = hierarchy_.clusters();
+  for (Index c = clusters.Above(hierarchy_[leaf].patch); c != kNone; c = clusters[c].parent) {
+    add(ClusterNode(c));
   }
   return sum;
 }

@@ -11,10 +11,11 @@ struct GatherOptions {
   int rays = 64;  ///< to a shooter that gives all of a point's light; others in proportion
 };
 
-/// The links into an element and its ancestors say which shooters light it; at a point inside, each one's
-/// form factor is exact (Lambert's formula), and its visibility is the point's own wherever no shaft proved
-/// it open (compare Lischinski, Tampieri, Greenberg, Combining hierarchical radiosity and discontinuity
-/// meshing, SIGGRAPH 1993, section 5; Smits 1994 calls it local pass). Thread-safe.
+/// The links into an element, its ancestors and the clusters above say which shooters light it; at a point
+/// inside, each one's form factor is exact (Lambert's formula), and its visibility is the point's own
+/// wherever no shaft proved it open (compare Lischinski, Tampieri, Greenberg, Combining hierarchical
+/// radiosity and discontinuity meshing, SIGGRAPH 1993, section 5; Smits 1994 calls it local pass).
+/// Thread-safe.
 class Gatherer {
  public:
   Gatherer(const Hierarchy& hierarchy, const Light& light, const Links& links, const Visibility& visibility,
@@ -29,8 +30,9 @@ class Gatherer {
   Rgb Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const;
 
  private:
-  double PointVisibility(const Link& link, const Vec3& x, const Vec3& n, const Polygon& shooter, double share,
-                         QuasiRandom<2>& random) const;
+  /// What one link brings to `x`. `scale`: luminous irradiance that is worth all of GatherOptions::rays.
+  Rgb Along(const Link& link, const Vec3& x, const Vec3& n, double scale, QuasiRandom<2>& on_polygon,
+            QuasiRandom<3>& on_cluster) const;
 
   const Hierarchy& hierarchy_;
   const Light& light_;

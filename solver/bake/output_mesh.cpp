@@ -60,10 +60,18 @@ struct Meeting {
 OutputMesh::OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Links& links)
     : hierarchy_(hierarchy),
       gatherer_(gatherer),
-      lit_(hierarchy.root_count(), false),
-      cut_(hierarchy.root_count()) {
+      lit_(hierarchy.surface_root_count(), false),
+      cut_(hierarchy.surface_root_count()) {
   for (const Link& link : links.all()) {
-    lit_[hierarchy[link.receiver].patch] = true;
+    if (IsElement(link.receiver)) {
+      lit_[hierarchy[link.receiver].patch] = true;
+    }
+  }
+  for (Index patch = 0; patch < lit_.size(); ++patch) {
+    for (Index c = hierarchy.clusters().Above(patch); c != kNone && !lit_[patch];
+         c = hierarchy.clusters()[c].parent) {
+      lit_[patch] = !links.Into(ClusterNode(c)).empty();
+    }
   }
   std::iota(cut_.begin(), cut_.end(), Index{0});
 }

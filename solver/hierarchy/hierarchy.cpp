@@ -53,7 +53,8 @@ class Welder {
 
 }  // namespace
 
-Hierarchy::Hierarchy(const Patches& patches) : patches_(patches) {
+Hierarchy::Hierarchy(const Patches& patches, bool clustering)
+    : patches_(patches), clusters_(clustering ? Clusters(patches) : Clusters()) {
   elements_.reserve(patches.patches.size() * 4);
   for (Index p = 0; p < patches.patches.size(); ++p) {
     Element root;
@@ -117,6 +118,27 @@ Polygon Hierarchy::Shape(Index element) const {
   return polygon;
 }
 
+double Hierarchy::Area(Index node) const {
+  return IsCluster(node) ? clusters_[node - kFirstCluster].area : elements_[node].area;
+}
+
+Vec3 Hierarchy::Centre(Index node) const {
+  return IsCluster(node) ? clusters_[node - kFirstCluster].centre : Shape(node).Centroid();
+}
+
+double Hierarchy::Radius(Index node) const {
+  if (IsCluster(node)) {
+    return clusters_[node - kFirstCluster].radius;
+  }
+  const Polygon shape = Shape(node);
+  const Vec3 centre = shape.Centroid();
+  double radius = 0;
+  for (int k = 0; k < shape.count; ++k) {
+    radius = std::max(radius, (shape[k] - centre).norm());
+  }
+  return radius;
+}
+
 Index Hierarchy::FindMidpoint(Index position_a, Index position_b) const {
   const auto found = mid_position_.find(PairKey(position_a, position_b));
   return found == mid_position_.end() ? kNone : found->second;
@@ -144,7 +166,7 @@ Index Hierarchy::AddChild(Index parent, const std::array<Index, 4>& corner) {
   child.level = elements_[parent].level + 1;
   elements_.push_back(child);
   const auto index = static_cast<Index>(elements_.size() - 1);
-  elements_[index].area = Area(Shape(index));
+  elements_[index].area = radbake::Area(Shape(index));
   return index;
 }
 

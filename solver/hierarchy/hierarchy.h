@@ -6,6 +6,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "solver/hierarchy/clusters.h"
 #include "solver/scene/patches.h"
 #include "solver/scene/polygon.h"
 
@@ -33,14 +34,25 @@ struct Element {
 /// time; everything const may be called concurrently between divisions.
 class Hierarchy {
  public:
-  explicit Hierarchy(const Patches& patches);
+  /// `clustering`: with clusters above the patches.
+  explicit Hierarchy(const Patches& patches, bool clustering = false);
 
   const Patches& patches() const { return patches_; }
+  const Clusters& clusters() const { return clusters_; }
   const Patch& PatchOf(Index element) const { return patches_.patches[elements_[element].patch]; }
   std::size_t size() const { return elements_.size(); }
   std::size_t root_count() const { return patches_.patches.size(); }
+  /// The roots that belong to surfaces, before the sky's.
+  std::size_t surface_root_count() const { return patches_.surface_patches; }
+  bool IsSky(Index element) const { return elements_[element].patch >= patches_.surface_patches; }
   const Element& operator[](Index element) const { return elements_[element]; }
   Polygon Shape(Index element) const;
+
+  /// Of an element or a cluster: the area of its surfaces.
+  double Area(Index node) const;
+  /// Of any node with an extent: the middle, and the radius of a sphere around it that holds it.
+  Vec3 Centre(Index node) const;
+  double Radius(Index node) const;
 
   /// Divides a leaf into its four children and returns the first. No effect on one that is divided already.
   Index Divide(Index element);
@@ -61,6 +73,7 @@ class Hierarchy {
   Index AddChild(Index parent, const std::array<Index, 4>& corner);
 
   const Patches& patches_;
+  Clusters clusters_;
   std::vector<Element> elements_;
   std::vector<Vec3> positions_;
   std::vector<Index> position_of_;

@@ -19,50 +19,86 @@ double VisibilityUncertainty(const Link& link) {
 
 /// How unevenly the receiver sees the shooter, in [0, 1]: 0, and the mean radiosity is all that matters; 1,
 /// and it may see just the darkest or the brightest part.
-double UnevenView(const Link& link, const Polygon& receiver, const Polygon& shooter) {
-  double extent = 0;
-  const Vec3 centre = shooter.Centroid();
-  for (int k = 0; k < shooter.count; ++k) {
-    extent = std::max(extent, (shooter[k] - centre).norm());
+double UnevenView(const Hierarchy& hierarchy, const Link& link) {
+  if (link.receiver == link.shooter) {
+    return 1;
   }
-  const double kernel = link.judged * std::min(1.0, extent / (centre - receiver.Centroid()).norm());
+  const double distance = (hierarchy.Centre(link.shooter) - hierarchy.Centre(link.receiver)).norm();
+  const double kernel = link.judged * std::min(1.0, hierarchy.Radius(link.shooter) / distance);
   return std::max(kernel, VisibilityUncertainty(link));
+}
+
+/// The area below which a node is not divided compares with this; the sky's is what it looks like from the
+/// scene.
+double Size(const Hierarchy& hierarchy, Index node) {
+  const double area = hierarchy.Area(node);
+  return IsElement(node) && hierarchy.IsSky(node) ? area / (kSkyDistance * kSkyDistance) : area;
+}
+
+double LargestReflectance(const Hierarchy& hierarchy, Index node) {
+  return IsCluster(node) ? hierarchy.clusters()[node - kFirstCluster].reflectance
+                         : hierarchy.PatchOf(node).reflectance.maxCoeff();
 }
 
 }  // namespace
 
-Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) const {
-  const Element& receiver = hierarchy[link.receiver];
-  const Element& shooter = hierarchy[link.shooter];
+AdaptiveOracle::Shot AdaptiveOracle::ShotOf(const Hierarchy& hierarchy, const Link& link) const {
+  if (IsPunctual(link.shooter)) {
+    return {Luminance(light_.punctual[link.shooter - kFirstPunctual]), 0};
+  }
+  if (IsCluster(link.shooter)) {
+    const ClusterLight& cluster = light_.clusters[link.shooter - kFirstCluster];
+    const Rgb seen = link.receiver == link.shooter
+                         ? cluster.mean
+                         : light_.Shooting(hierarchy, link.shooter, hierarchy.Centre(link.receiver));
+    return {Luminance(seen), cluster.variation};
+  }
   Index known = link.shooter;
   while (known >= light_.radiosity.size()) {
     known = hierarchy[known].parent;
   }
-  const double radiosity = Luminance(light_.Shooting(known));
-  const double passed_on = hierarchy.PatchOf(link.receiver).reflectance.maxCoeff();
-  const double form_factor = link.form_factor;
-
-  const double by_kernel = radiosity * receiver.area * link.variation * link.judged * passed_on;
-  const double by_visibility =
-      radiosity * receiver.area * form_factor * VisibilityUncertainty(link) * passed_on;
   // An element that has just been divided has not been solved yet: half of its parent's variation is a fair
   // guess.
   double variation = light_.variation[known];
   for (Index e = link.shooter; e != known; e = hierarchy[e].parent) {
     variation *= 0.5;
   }
-  const double by_shooter = variation * form_factor * hierarchy.patches().area *
-                            UnevenView(link, hierarchy.Shape(link.receiver), hierarchy.Shape(link.shooter));
+  return {Luminance(light_.Shooting(known)), variation};
+}
 
+Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) const {
+  const Shot shot = ShotOf(hierarchy, link);
+  const double area = hierarchy.Area(link.receiver);
+  const double passed_on = LargestReflectance(hierarchy, link.receiver);
+  const double form_factor = link.form_factor;
+  const double by_kernel = shot.radiosity * area * link.variation * link.judged * passed_on;
+  const double by_visibility = shot.radiosity * area * form_factor * VisibilityUncertainty(link) * passed_on;
+  const double by_shooter = shot.variation > 0 ? shot.variation * form_factor * hierarchy.patches().area *
+                                                     UnevenView(hierarchy, link)
+                                               : 0;
   if (by_kernel + by_visibility + by_shooter <= w_min_) {
     return Decision::kKeep;
   }
-  const bool visibility_to_receiver = 4 * receiver.area >= shooter.area;
-  const double for_receiver = by_kernel + (visibility_to_receiver ? by_visibility : 0);
-  const double for_shooter = by_shooter + (visibility_to_receiver ? 0 : by_visibility);
-  const bool receiver_can = receiver.area > a_min_;
-  const bool shooter_can = shooter.area > a_min_;
-  if (receiver_can && (for_receiver >= for_shooter || !shooter_can)) {
+  const double receiver_size = Size(hierarchy, link.receiver);
+  const bool receiver_can = receiver_size > a_min_;
+  if (IsPunctual(link.shooter)) {
+    return receiver_can ? Decision::kDivideReceiver : Decision::kKeep;
+  }
+  const double shooter_size = Size(hierarchy, link.shooter);
+  const bool shooter_can = shooter_size > a_min_;
+  bool receiver_first = false;
+  if (IsCluster(link.receiver) || IsCluster(link.shooter)) {
+    // The kernel over a pair is as uneven as its larger end is wide.
+    const bool sky = IsElement(link.shooter) && hierarchy.IsSky(link.shooter);
+    const double shooter_radius = hierarchy.Radius(link.shooter) / (sky ? kSkyDistance : 1);
+    receiver_first =
+        by_shooter <= by_kernel + by_visibility && hierarchy.Radius(link.receiver) >= shooter_radius;
+  } else {
+    const bool visibility_to_receiver = 4 * receiver_size >= shooter_size;
+    receiver_first = by_kernel + (visibility_to_receiver ? by_visibility : 0) >=
+                     by_shooter + (visibility_to_receiver ? 0 : by_visibility);
+  }
+  if (receiver_can && (receiver_first || !shooter_can)) {
     return Decision::kDivideReceiver;
   }
   return shooter_can ? Decision::kDivideShooter : Decision::kKeep;

@@ -24,6 +24,12 @@ class AdaptiveOracle : public Oracle {
   Decision Judge(const Hierarchy& hierarchy, const Link& link) const override;
 
  private:
+  struct Shot {
+    double radiosity;  // luminous, as the receiver sees it
+    double variation;
+  };
+  Shot ShotOf(const Hierarchy& hierarchy, const Link& link) const;
+
   const Light& light_;
   double a_min_;
   double w_min_;

@@ -19,6 +19,13 @@ double LargestCosine(const Vec3& from, const Vec3& normal, const Polygon& to) {
   return std::max(0.0, cosine);
 }
 
+/// The same between nodes that turn surfaces every way: a disc of `to`'s area that faces `from`.
+double EstimateFormFactor(const Hierarchy& hierarchy, Index from, Index to) {
+  const double d2 = (hierarchy.Centre(to) - hierarchy.Centre(from)).squaredNorm();
+  const double area = hierarchy.Area(to);
+  return area / (std::numbers::pi * d2 + area);
+}
+
 }  // namespace
 
 double EstimateFormFactor(const Polygon& from, const Polygon& to, double to_area) {
@@ -28,17 +35,26 @@ double EstimateFormFactor(const Polygon& from, const Polygon& to, double to_area
 }
 
 Decision HierarchicalOracle::Judge(const Hierarchy& hierarchy, const Link& link) const {
-  const Element& receiver = hierarchy[link.receiver];
-  const Element& shooter = hierarchy[link.shooter];
-  if (receiver.area < a_min_ && shooter.area < a_min_) {
+  const double receiver_area = hierarchy.Area(link.receiver);
+  if (IsPunctual(link.shooter)) {
+    // No area, no form factor: what it lights is divided down to the same size as beside a bright surface.
+    return receiver_area < a_min_ ? Decision::kKeep : Decision::kDivideReceiver;
+  }
+  const double shooter_area = hierarchy.Area(link.shooter);
+  if (receiver_area < a_min_ && shooter_area < a_min_) {
     return Decision::kKeep;
   }
-  const Polygon q = hierarchy.Shape(link.receiver);
-  const Polygon p = hierarchy.Shape(link.shooter);
-  if (EstimateFormFactor(q, p, shooter.area) < f_max_ && EstimateFormFactor(p, q, receiver.area) < f_max_) {
+  const bool elements = IsElement(link.receiver) && IsElement(link.shooter);
+  const double there = elements ? EstimateFormFactor(hierarchy.Shape(link.receiver),
+                                                     hierarchy.Shape(link.shooter), shooter_area)
+                                : EstimateFormFactor(hierarchy, link.receiver, link.shooter);
+  const double back = elements ? EstimateFormFactor(hierarchy.Shape(link.shooter),
+                                                    hierarchy.Shape(link.receiver), receiver_area)
+                               : EstimateFormFactor(hierarchy, link.shooter, link.receiver);
+  if (there < f_max_ && back < f_max_) {
     return Decision::kKeep;
   }
-  return receiver.area >= shooter.area ? Decision::kDivideReceiver : Decision::kDivideShooter;
+  return receiver_area >= shooter_area ? Decision::kDivideReceiver : Decision::kDivideShooter;
 }
 
 }  // namespace radbake

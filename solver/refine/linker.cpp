@@ -4,8 +4,10 @@
 #include <oneapi/tbb/parallel_for.h>
 
 #include <algorithm>
+#include <numeric>
 
 #include "solver/transport/form_factor.h"
+#include "solver/transport/node_transport.h"
 #include "solver/transport/sampling.h"
 
 namespace radbake {
@@ -37,7 +39,16 @@ bool FaceOneAnother(const Polygon& a, const Polygon& b, double tolerance) {
 
 void AppendLive(std::vector<Link>& links, std::span<const Link> candidates) {
   std::copy_if(candidates.begin(), candidates.end(), std::back_inserter(links),
-               [](const Link& link) { return link.form_factor > 0; });
+               [](const Link& link) { return link.form_factor > 0 || link.variation > 0; });
+}
+
+std::uint64_t KeyOf(const Link& link) {
+  return Hash((static_cast<std::uint64_t>(link.receiver) << 32U) | link.shooter);
+}
+
+void Take(const SampledVisibility& sampled, Link& link) {
+  link.visibility = static_cast<float>(sampled.carried);
+  link.judged = static_cast<float>(sampled.judged);
 }
 
 }  // namespace
@@ -62,10 +73,30 @@ void Linker::MeasureVariation(Link& link, const Polygon& receiver, const Polygon
 }
 
 void Linker::Measure(Link& link) const {
+  if (IsElement(link.receiver) && IsElement(link.shooter)) {
+    MeasureElements(link);
+  } else {
+    MeasureNodes(link);
+  }
+}
+
+void Linker::MeasureElements(Link& link) const {
   const Polygon receiver = hierarchy_.Shape(link.receiver);
   const Polygon shooter = hierarchy_.Shape(link.shooter);
-  const double exchange_area = ExchangeArea(receiver, shooter);
-  link.form_factor = static_cast<float>(exchange_area / hierarchy_[link.receiver].area);
+  // What is below two patches that face one another need not be asked again.
+  const bool roots = hierarchy_[link.receiver].level == 0 || hierarchy_[link.shooter].level == 0;
+  link.form_factor = 0;
+  link.variation = 0;
+  if (roots && !FaceOneAnother(receiver, shooter, hierarchy_.patches().weld)) {
+    return;
+  }
+  const double area = hierarchy_[link.receiver].area;
+  // The sky is so far that the middle sees what all of the receiver does; the contour integral would lose
+  // digits.
+  const double exchange_area = hierarchy_.IsSky(link.shooter)
+                                   ? area * PointToPolygon(receiver.Centroid(), receiver.normal, shooter)
+                                   : ExchangeArea(receiver, shooter);
+  link.form_factor = static_cast<float>(exchange_area / area);
   if (!(link.form_factor > 0)) {
     return;
   }
@@ -74,29 +105,50 @@ void Linker::Measure(Link& link) const {
   if (link.clear) {
     link.visibility = link.judged = 1;
   } else {
-    const std::uint64_t key = Hash((static_cast<std::uint64_t>(link.receiver) << 32U) | link.shooter);
-    const SampledVisibility sampled =
-        visibility_.BetweenElements(receiver, shooter, exchange_area, key, rays_);
-    link.visibility = static_cast<float>(sampled.carried);
-    link.judged = static_cast<float>(sampled.judged);
+    Take(visibility_.BetweenElements(receiver, shooter, exchange_area, KeyOf(link), rays_), link);
   }
 }
 
-void Linker::LinkPatches() {
-  const auto count = static_cast<Index>(hierarchy_.root_count());
-  std::vector<std::vector<Link>> rows(count);
-  std::vector<Polygon> shapes;
-  shapes.reserve(count);
-  for (Index root = 0; root < count; ++root) {
-    shapes.push_back(hierarchy_.Shape(root));
+void Linker::MeasureNodes(Link& link) const {
+  const NodeTransport sampled =
+      BetweenNodes(hierarchy_, visibility_, link.receiver, link.shooter, KeyOf(link), rays_);
+  link.form_factor = static_cast<float>(sampled.form_factor);
+  link.variation = static_cast<float>(sampled.variation);
+  link.clear = IsElement(link.receiver) && IsPunctual(link.shooter) &&
+               (link.clear || ClearToLight(visibility_, hierarchy_.Shape(link.receiver),
+                                           hierarchy_.patches().lights[link.shooter - kFirstPunctual]));
+  if (link.clear) {
+    link.visibility = link.judged = 1;
+  } else {
+    Take(sampled.visibility, link);
   }
-  tbb::parallel_for(Index{0}, count, [&](Index receiver) {
-    for (Index shooter = 0; shooter < count; ++shooter) {
-      Link link{receiver, shooter};
-      if (receiver != shooter &&
-          FaceOneAnother(shapes[receiver], shapes[shooter], hierarchy_.patches().weld)) {
+}
+
+void Linker::LinkRoots() {
+  const auto surfaces = static_cast<Index>(hierarchy_.surface_root_count());
+  const auto count = static_cast<Index>(hierarchy_.root_count());
+  const auto lights = static_cast<Index>(hierarchy_.patches().lights.size());
+  std::vector<Index> receivers(hierarchy_.clusters().empty() ? surfaces : 1, ClusterNode(0));
+  std::vector<Index> shooters;
+  if (hierarchy_.clusters().empty()) {
+    std::iota(receivers.begin(), receivers.end(), Index{0});
+    shooters = receivers;
+  } else {
+    shooters.push_back(ClusterNode(0));
+  }
+  for (Index sky = surfaces; sky < count; ++sky) {
+    shooters.push_back(sky);
+  }
+  for (Index light = 0; light < lights; ++light) {
+    shooters.push_back(PunctualNode(light));
+  }
+  std::vector<std::vector<Link>> rows(receivers.size());
+  tbb::parallel_for(std::size_t{0}, receivers.size(), [&](std::size_t row) {
+    for (const Index shooter : shooters) {
+      Link link{receivers[row], shooter};
+      if (receivers[row] != shooter || IsCluster(shooter)) {
         Measure(link);
-        AppendLive(rows[receiver], {&link, 1});
+        AppendLive(rows[row], {&link, 1});
       }
     }
   });
@@ -104,7 +156,42 @@ void Linker::LinkPatches() {
   for (const auto& row : rows) {
     links.insert(links.end(), row.begin(), row.end());
   }
-  links_.Assign(links, hierarchy_.size());
+  links_.Assign(links, hierarchy_.size(), hierarchy_.clusters().size());
+}
+
+void Linker::Replace(const Link& link, Decision decision, std::vector<Link>& next) {
+  const auto children = [&](Index node) {
+    if (IsCluster(node)) {
+      const std::span<const Index> below = hierarchy_.clusters().Children(node - kFirstCluster);
+      return std::vector<Index>(below.begin(), below.end());
+    }
+    const Index first = hierarchy_.Divide(node);
+    return std::vector<Index>{first, first + 1, first + 2, first + 3};
+  };
+  const auto add = [&](Index receiver, Index shooter) {
+    // A patch does not see itself, a cluster may.
+    if (receiver != shooter || IsCluster(receiver)) {
+      Link& refined = next.emplace_back(link);
+      refined.receiver = receiver;
+      refined.shooter = shooter;
+    }
+  };
+  if (link.receiver == link.shooter) {
+    const std::vector<Index> below = children(link.receiver);
+    for (const Index receiver : below) {
+      for (const Index shooter : below) {
+        add(receiver, shooter);
+      }
+    }
+  } else if (decision == Decision::kDivideReceiver) {
+    for (const Index child : children(link.receiver)) {
+      add(child, link.shooter);
+    }
+  } else {
+    for (const Index child : children(link.shooter)) {
+      add(link.receiver, child);
+    }
+  }
 }
 
 std::size_t Linker::Refine(const Oracle& oracle, const std::function<bool()>& stop) {
@@ -128,18 +215,13 @@ std::size_t Linker::Refine(const Oracle& oracle, const std::function<bool()>& st
         continue;
       }
       ++replaced;
-      const bool receiver = decisions[k] == Decision::kDivideReceiver;
-      const Index first = hierarchy_.Divide(receiver ? link.receiver : link.shooter);
-      for (Index child = first; child < first + 4; ++child) {
-        Link& refined = next.emplace_back(link);
-        (receiver ? refined.receiver : refined.shooter) = child;
-      }
+      Replace(link, decisions[k], next);
     }
     ParallelFor(next.size(), [&](std::size_t k) { Measure(next[k]); });
     open.clear();
     AppendLive(open, next);
   }
-  links_.Assign(kept, hierarchy_.size());
+  links_.Assign(kept, hierarchy_.size(), hierarchy_.clusters().size());
   return replaced;
 }
 

@@ -15,8 +15,9 @@ class Linker {
   Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibility_rays)
       : hierarchy_(hierarchy), visibility_(visibility), rays_(visibility_rays) {}
 
-  /// Links every two patches that face one another.
-  void LinkPatches();
+  /// Links every two patches that face one another, and each patch to every light; or, with clusters, the
+  /// root cluster to itself, to the sky and to every light.
+  void LinkRoots();
 
   /// Replaces each link that the oracle does not keep by links one level down, until it keeps all. `stop` is
   /// asked between rounds. Returns the number of links replaced. The same result on any number of threads.
@@ -27,7 +28,10 @@ class Linker {
  private:
   /// Form factor and visibility of a link whose ends are set; one that carries nothing has form_factor 0.
   void Measure(Link& link) const;
+  void MeasureElements(Link& link) const;
+  void MeasureNodes(Link& link) const;
   void MeasureVariation(Link& link, const Polygon& receiver, const Polygon& shooter) const;
+  void Replace(const Link& link, Decision decision, std::vector<Link>& next);
 
   Hierarchy& hierarchy_;
   const Visibility& visibility_;

@@ -8,11 +8,12 @@
 
 namespace radbake {
 
-/// Light from `shooter` to `receiver`: E_receiver += form_factor · visibility · B_shooter.
+/// Light from `shooter` to `receiver`: E_receiver += form_factor · visibility · B_shooter. The receiver is an
+/// element or a cluster, the shooter any node; see nodes.h.
 struct Link {
   Index receiver = 0;
   Index shooter = 0;
-  float form_factor = 0;  ///< F from receiver to shooter, unoccluded
+  float form_factor = 0;  ///< F from receiver to shooter, unoccluded; from a light, irradiance per intensity
   float variation = 0;    ///< largest difference of the point-to-shooter form factor over the receiver
   float visibility = 1;   ///< share of the light that is not blocked, sampled
   float judged = 1;       ///< the same from other rays, for oracles: see SampledVisibility
@@ -23,19 +24,26 @@ struct Link {
 class Links {
  public:
   /// Replaces all; their order within a receiver is kept.
-  void Assign(const std::vector<Link>& links, std::size_t element_count);
+  void Assign(const std::vector<Link>& links, std::size_t element_count, std::size_t cluster_count);
 
   std::span<const Link> all() const { return links_; }
   std::size_t size() const { return links_.size(); }
-  /// The links into one element; none if it is younger than the last Assign().
+  /// The links into one element or cluster; none if it is younger than the last Assign().
   std::span<const Link> Into(Index receiver) const {
-    if (receiver + 1 >= begin_.size()) {
+    const std::size_t row = Row(receiver);
+    if (row + 1 >= begin_.size()) {
       return {};
     }
-    return std::span(links_).subspan(begin_[receiver], begin_[receiver + 1] - begin_[receiver]);
+    return std::span(links_).subspan(begin_[row], begin_[row + 1] - begin_[row]);
   }
 
  private:
+  /// Clusters first: their number never changes.
+  std::size_t Row(Index receiver) const {
+    return IsCluster(receiver) ? receiver - kFirstCluster : cluster_count_ + receiver;
+  }
+
+  std::size_t cluster_count_ = 0;
   std::vector<Link> links_;
   std::vector<std::size_t> begin_;
 };

@@ -220,6 +220,52 @@ Patch BackOf(const Patch& front) {
   return back;
 }
 
+/// Six squares that look inwards.
+void AddSky(const Rgb& radiance, Patches& patches) {
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    for (const double side : {-1.0, 1.0}) {
+      Patch patch;
+      patch.surface = kNone;
+      patch.corner_count = 4;
+      patch.normal = -side * Vec3::Unit(axis);
+      const Vec3 u = Vec3::Unit((axis + 1) % 3);
+      const Vec3 v = patch.normal.cross(u);
+      const Vec3 middle = side * Vec3::Unit(axis);
+      patch.corner = {kSkyDistance * (middle - u - v), kSkyDistance * (middle + u - v),
+                      kSkyDistance * (middle + u + v), kSkyDistance * (middle - u + v)};
+      patch.shading_normal.fill(patch.normal);
+      patch.area = 4 * kSkyDistance * kSkyDistance;
+      patch.emission = std::numbers::pi * radiance;
+      patches.patches.push_back(patch);
+    }
+  }
+}
+
+/// Luminous power of the sky and of what has no area, about as much of it as meets the unit-sized scene.
+double AddDistantLight(const Scene& scene, Patches& patches) {
+  double power = 0;
+  if (scene.environment.maxCoeff() > 0) {
+    AddSky(scene.environment, patches);
+    power += std::numbers::pi * Luminance(scene.environment);
+  }
+  for (PunctualLight light : scene.lights) {
+    if (!(light.intensity.maxCoeff() > 0)) {
+      continue;
+    }
+    const Normalization& unit = patches.normalization;
+    if (light.kind == PunctualLight::Kind::kDirectional) {
+      power += Luminance(light.intensity);
+    } else {
+      light.position = unit.ToNormalized(light.position);
+      light.range *= unit.scale;
+      light.intensity *= unit.scale * unit.scale;
+      power += 4 * std::numbers::pi * Luminance(light.intensity);
+    }
+    patches.lights.push_back(light);
+  }
+  return power;
+}
+
 }  // namespace
 
 Patches CutIntoPatches(const Scene& scene) {
@@ -269,12 +315,19 @@ Patches CutIntoPatches(const Scene& scene) {
   if (result.patches.empty()) {
     throw InputError("the scene has no surface that can be lit");
   }
+  result.surface_patches = result.patches.size();
+  power += AddDistantLight(scene, result);
   if (!(power > 0)) {
-    throw InputError("nothing in the scene emits light: no material has an emissiveFactor above 0");
+    throw InputError(
+        "nothing in the scene emits light: no material has an emissiveFactor above 0, there is no punctual "
+        "light, and environment.radiance is 0");
   }
   result.normalization.radiance = power;
   for (Patch& patch : result.patches) {
     patch.emission /= power;
+  }
+  for (PunctualLight& light : result.lights) {
+    light.intensity /= power;
   }
   return result;
 }

@@ -21,7 +21,7 @@ struct Normalization {
 
 /// One side of a planar triangle or convex quadrilateral of one surface.
 struct Patch {
-  Index surface = 0;
+  Index surface = 0;     ///< kNone: the sky
   bool back = false;     ///< the back side of a Sides::kBoth surface; corners run the other way round
   int corner_count = 3;  ///< 3 or 4
   std::array<Index, 4> source{};  ///< corners as vertices of the surface
@@ -41,16 +41,24 @@ struct Blocker {
   Index back = kNone;          ///< the patch on its back, kNone: absorbs
 };
 
+/// Half the side of the cube that stands for a uniform sky: from here it is far, all but the same from
+/// everywhere in the unit-sized scene.
+inline constexpr double kSkyDistance = 32;
+
 struct Patches {
   Normalization normalization;
-  std::vector<Patch> patches;  ///< in the order of surfaces and triangles
+  /// In the order of surfaces and triangles; then, under a sky, the six sides of a cube around the scene. Any
+  /// closed convex body of one radiance looks the same from inside, so its distance does not matter.
+  std::vector<Patch> patches;
+  std::size_t surface_patches = 0;    ///< those before the sky's: what is lit
+  std::vector<PunctualLight> lights;  ///< normalised: positions, ranges and intensities
   std::vector<Blocker> blockers;
-  double area = 0;  ///< of all patches, normalised
+  double area = 0;  ///< of all patches but the sky's, normalised
   double weld = 0;  ///< positions closer than this are one
 };
 
-/// Cuts the scene. Zero-area triangles are left out. Throws InputError if no surface can be lit, or none
-/// emits.
+/// Cuts the scene. Zero-area triangles are left out. Throws InputError if no surface can be lit, or nothing
+/// gives light.
 Patches CutIntoPatches(const Scene& scene);
 
 }  // namespace radbake

@@ -81,7 +81,8 @@ double ApplyRadiosityOperator(const Hierarchy& hierarchy, const Rows& rows, Ligh
   tbb::parallel_for(std::size_t{0}, rows.leaves().size(), [&](std::size_t k) {
     Rgb sum = Rgb::Zero();
     for (const Gathered& entry : rows[k]) {
-      sum += static_cast<double>(entry.weight) * light.Shooting(entry.shooter);
+      sum += static_cast<double>(entry.weight) *
+             light.Shooting(hierarchy, entry.shooter, hierarchy.Centre(rows.leaves()[k]));
     }
     gathered[rows.leaves()[k]] = sum;
   });

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "solver/transport/form_factor.h"
+#include "solver/transport/node_transport.h"
 
 namespace radbake {
 
@@ -36,7 +36,7 @@ void Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Light& lig
   const Vec3 centroid = shape.Centroid();
   const auto at_centroid = [&](const Link& link) {
     return static_cast<double>(link.visibility) *
-           PointToPolygon(centroid, shape.normal, hierarchy.Shape(link.shooter));
+           UnoccludedAt(hierarchy, centroid, shape.normal, link.shooter);
   };
   std::size_t at = 0;
   const std::span<const Link> own = links.Into(leaf);

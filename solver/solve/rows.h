@@ -12,7 +12,7 @@ namespace radbake {
 /// E_leaf = Σ weight · B_shooter, over the links into the leaf and into its ancestors.
 struct Gathered {
   Index shooter = 0;
-  float weight = 0;  ///< form factor from the leaf · visibility
+  float weight = 0;  ///< form factor from the leaf (of a light: its kernel) · visibility
 };
 
 /// A link into an ancestor holds the mean form factor over it, and a leaf may be far from that mean: where

@@ -19,8 +19,9 @@ struct Iteration {
   double seconds = 0;      ///< since the solve began
 };
 
-/// Luminous power in lm, by channel. `escaped` and `absorbed_by_backs` are counted by rays that know nothing
-/// of links, so the imbalance measures the links' form factors and visibility, not only the convergence.
+/// Luminous power in lm, by channel. `escaped`, `absorbed_by_backs` and what lights without area and the sky
+/// emit are counted by rays that know nothing of links, so the imbalance measures the links' form factors and
+/// visibility, not only the convergence.
 struct EnergyBalance {
   Rgb emitted = Rgb::Zero();            ///< Σ A·π·L_e
   Rgb absorbed = Rgb::Zero();           ///< Σ A·(1 − ρ)·E

@@ -28,7 +28,7 @@ class Solver {
         linker_(hierarchy, visibility, options.visibility_rays) {}
 
   Solution Run() {
-    linker_.LinkPatches();
+    linker_.LinkRoots();
     Extend();
     const double a_min = options_.a_min * hierarchy_.patches().area;
     if (options_.refinement == Refinement::kHierarchical) {

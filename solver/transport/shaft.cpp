@@ -122,11 +122,17 @@ bool Shaft::MayBlock(const std::array<Vec3, 3>& triangle) const {
   return !HasAllOnOneSide(PlaneOf(triangle), {ends_.data(), end_count_});
 }
 
-Occluders::Occluders(std::span<const Blocker> blockers) {
+Occluders::Occluders(const Patches& patches) {
+  const std::span<const Blocker> blockers = patches.blockers;
   // A plane with all corners of the scene on one side has the extreme corners there too: a quick rejection.
   std::vector<Vec3> corners;
   for (const Blocker& blocker : blockers) {
     corners.insert(corners.end(), blocker.corner.begin(), blocker.corner.end());
+  }
+  bool light_from_afar = patches.surface_patches < patches.patches.size();
+  for (const PunctualLight& light : patches.lights) {
+    corners.push_back(light.position);
+    light_from_afar = light_from_afar || light.kind == PunctualLight::Kind::kDirectional;
   }
   std::vector<Vec3> extremes;
   for (const double x : {-1, 0, 1}) {
@@ -141,7 +147,7 @@ Occluders::Occluders(std::span<const Blocker> blockers) {
   }
   for (const Blocker& blocker : blockers) {
     const Plane plane = PlaneOf(blocker.corner);
-    if (!HasAllOnOneSide(plane, extremes) || !HasAllOnOneSide(plane, corners)) {
+    if (light_from_afar || !HasAllOnOneSide(plane, extremes) || !HasAllOnOneSide(plane, corners)) {
       triangles_.push_back(blocker.corner);
     }
   }

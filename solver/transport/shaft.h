@@ -29,11 +29,12 @@ class Shaft {
   std::size_t plane_count_ = 0;
 };
 
-/// All blockers that can be between anything at all, in a tree of boxes. A blocker with the whole scene on
-/// one side of its plane (the walls of a convex room) is not among them. Immutable; thread-safe.
+/// All blockers that can be between anything at all, in a tree of boxes. A blocker with the whole scene and
+/// its lights on one side of its plane (the walls of a convex room) is not among them. Immutable;
+/// thread-safe.
 class Occluders {
  public:
-  explicit Occluders(std::span<const Blocker> blockers);
+  explicit Occluders(const Patches& patches);
 
   /// Is it proved that no blocker is between the two polygons?
   bool Clear(const Polygon& a, const Polygon& b) const;

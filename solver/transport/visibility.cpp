@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <numbers>
 
 namespace radbake {
@@ -38,37 +37,9 @@ bool Touching(const Polygon& a, const Polygon& b) {
          kClose * std::min(box_a.sizes().maxCoeff(), box_b.sizes().maxCoeff());
 }
 
-/// Counts one batch of rays, and times one batch in eight: the clock costs as much as two rays.
-class Batch {
- public:
-  explicit Batch(const Visibility& visibility) : visibility_(visibility) {
-    thread_local unsigned turn = 0;
-    timed_ = turn++ % kEvery == 0;
-    if (timed_) {
-      start_ = std::chrono::steady_clock::now();
-    }
-  }
-  ~Batch() {
-    double spent = 0;
-    if (timed_) {
-      spent = kEvery * std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-    }
-    visibility_.Count(rays, spent);
-  }
-  Batch(const Batch&) = delete;
-  Batch& operator=(const Batch&) = delete;
-  std::uint64_t rays = 0;
-
- private:
-  static constexpr unsigned kEvery = 8;
-  const Visibility& visibility_;
-  bool timed_ = false;
-  std::chrono::steady_clock::time_point start_;
-};
-
 }  // namespace
 
-Visibility::Visibility(const Patches& patches) : caster_(TrianglesOf(patches)), occluders_(patches.blockers) {
+Visibility::Visibility(const Patches& patches) : caster_(TrianglesOf(patches)), occluders_(patches) {
   for (const Blocker& blocker : patches.blockers) {
     dead_.push_back({blocker.front == kNone, blocker.back == kNone});
     any_dead_ = any_dead_ || blocker.front == kNone || blocker.back == kNone;
@@ -101,7 +72,7 @@ double Visibility::OpenShare(const Polygon& polygon, std::uint64_t key, int poin
   QuasiRandom<2> random(key);
   int open = 0;
   int seen = 0;
-  Batch batch(*this);
+  RayBatch batch(*this);
   const int first = std::max(1, points / 8);
   for (; seen < points && (seen < first || (open > 0 && open < seen)); ++seen) {
     const auto u = random.Next();
@@ -121,7 +92,7 @@ SampledVisibility Visibility::BetweenElements(const Polygon& a, const Polygon& b
   QuasiRandom<4> random(key);
   std::array<double, 2> all{};
   std::array<double, 2> open{};
-  Batch batch(*this);
+  RayBatch batch(*this);
   for (int k = 0; k < rays; ++k) {
     const auto u = random.Next();
     const Vec3 x = PointOn(front_a, u[0], u[1]);
@@ -154,7 +125,7 @@ double Visibility::FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygo
   }
   double open = 0;
   double all = 0;
-  Batch batch(*this);
+  RayBatch batch(*this);
   const int first = std::max(1, rays / 4);
   for (int cast = 0; cast < rays && (cast < first || (open > 0 && open < all)); ++cast) {
     const auto u = random.Next();

@@ -13,7 +13,7 @@ namespace {
 
 TEST(Occluders, ProveEveryPairOfAConvexRoomClear) {
   const Patches patches = CutIntoPatches(testing::FurnaceSphere(0.5, 1));
-  EXPECT_TRUE(Occluders(patches.blockers).empty());
+  EXPECT_TRUE(Occluders(patches).empty());
 }
 
 TEST(Occluders, NeverProveAPairClearThatARayFindsBlocked) {

@@ -1,0 +1,198 @@
+#include "solver/transport/node_transport.h"
+
+#include <algorithm>
+#include <numbers>
+
+#include "solver/transport/form_factor.h"
+#include "solver/transport/punctual.h"
+#include "solver/transport/sampling.h"
+
+namespace radbake {
+namespace {
+
+/// cos·cos/(π·r²) times the shooter's area. The peak where two surfaces touch is cut off, or one point in it
+/// would outweigh all others.
+double AreaKernel(const SurfacePoint& from, const SurfacePoint& to, double to_area) {
+  constexpr double kHighest = 64;
+  const Vec3 along = to.x - from.x;
+  const double out = along.dot(from.normal);
+  const double in = -along.dot(to.normal);
+  const double r2 = along.squaredNorm();
+  if (!(out > 0 && in > 0 && r2 > 0)) {
+    return 0;
+  }
+  return to_area * out * in / (r2 * (std::numbers::pi * r2 + to_area / kHighest));
+}
+
+struct Sphere {
+  Vec3 centre = Vec3::Zero();
+  double radius = 0;
+};
+
+Sphere SphereOf(const Hierarchy& hierarchy, Index node) {
+  return {hierarchy.Centre(node), hierarchy.Radius(node)};
+}
+
+/// Does the sphere of a cluster lie behind an element's plane?
+bool IsBehind(const Hierarchy& hierarchy, Index element, const Sphere& sphere) {
+  return PlaneOf(hierarchy.Shape(element)).Distance(sphere.centre) + sphere.radius <=
+         hierarchy.patches().weld;
+}
+
+bool CannotFace(const Hierarchy& hierarchy, Index receiver, Index shooter) {
+  return (IsElement(receiver) && IsCluster(shooter) &&
+          IsBehind(hierarchy, receiver, SphereOf(hierarchy, shooter))) ||
+         (IsElement(shooter) && IsCluster(receiver) &&
+          IsBehind(hierarchy, shooter, SphereOf(hierarchy, receiver)));
+}
+
+/// A share of the form factor by which a cluster's own directions are off: see CosineBasis.
+constexpr double kBasisError = 0.1;
+
+/// How much the kernel may vary over a receiver and a shooter of these extents, as a share of itself.
+double Spread(const Sphere& receiver, const Sphere& shooter, bool receiver_is_cluster) {
+  const double distance = (receiver.centre - shooter.centre).norm();
+  const double t = (receiver.radius + shooter.radius) / distance;
+  constexpr double kMost = 1e6;
+  const double by_extent = t < 1 ? std::min(kMost, 2 * t / ((1 - t) * (1 - t))) : kMost;
+  return by_extent + (receiver_is_cluster ? kBasisError : 0);
+}
+
+}  // namespace
+
+SurfacePoint PointOfNode(const Hierarchy& hierarchy, Index node, std::array<double, 3> u) {
+  const Index element = IsCluster(node) ? hierarchy.clusters().PatchAt(node - kFirstCluster, u[0]) : node;
+  const Polygon shape = hierarchy.Shape(element);
+  return {PointOn(shape, u[1], u[2]), shape.normal};
+}
+
+NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibility, Index receiver,
+                           Index shooter, std::uint64_t key, int rays) {
+  NodeTransport result;
+  if (CannotFace(hierarchy, receiver, shooter)) {
+    return result;
+  }
+  const PunctualLight* light =
+      IsPunctual(shooter) ? &hierarchy.patches().lights[shooter - kFirstPunctual] : nullptr;
+  const double area = light != nullptr ? 0 : hierarchy.Area(shooter);
+  QuasiRandom<6> random(key);
+  std::array<double, 2> all{};
+  std::array<double, 2> open{};
+  double highest = 0;
+  double lowest = std::numeric_limits<double>::infinity();
+  RayBatch batch(visibility);
+  for (int k = 0; k < rays; ++k) {
+    const auto u = random.Next();
+    const SurfacePoint from = PointOfNode(hierarchy, receiver, {u[0], u[1], u[2]});
+    double kernel = 0;
+    Vec3 end;
+    if (light != nullptr) {
+      kernel = PunctualKernel(*light, from.x, from.normal);
+      end = ShadowRayEnd(*light, from.x);
+    } else {
+      const SurfacePoint to = PointOfNode(hierarchy, shooter, {u[3], u[4], u[5]});
+      kernel = AreaKernel(from, to, area);
+      end = to.x;
+    }
+    highest = std::max(highest, kernel);
+    lowest = std::min(lowest, kernel);
+    const std::size_t half = static_cast<std::size_t>(k) % 2;
+    if (kernel > 0) {
+      ++batch.rays;
+      all[half] += kernel;
+      open[half] += visibility.caster().Occluded(from.x, end) ? 0 : kernel;
+    }
+  }
+  const double sum = all[0] + all[1];
+  result.form_factor = light != nullptr ? sum / rays : std::min(1.0, sum / rays);
+  // The halves differ in their kernels too: what is carried is a ratio of means of one half.
+  result.visibility.judged = all[0] > 0 ? open[0] / all[0] : 1;
+  result.visibility.carried = all[1] > 0 ? open[1] / all[1] : result.visibility.judged;
+  if (light != nullptr && IsElement(receiver)) {
+    result.variation = highest - lowest;
+    return result;
+  }
+  if (light != nullptr && light->kind == PunctualLight::Kind::kDirectional) {
+    result.variation = kBasisError * std::max(result.form_factor, 1.0 / rays);
+    return result;
+  }
+  // What all rays missed may be as much as one of them would have found.
+  const Sphere to = light != nullptr ? Sphere{light->position, 0} : SphereOf(hierarchy, shooter);
+  const Sphere from = SphereOf(hierarchy, receiver);
+  const double distance2 = std::max((from.centre - to.centre).squaredNorm(), from.radius * from.radius);
+  const double facing =
+      light != nullptr ? 1 / distance2 : std::min(1.0, area / (std::numbers::pi * distance2));
+  const double found = std::max(result.form_factor, facing / rays);
+  const double spread = receiver == shooter ? 1 / found : Spread(from, to, IsCluster(receiver));
+  result.variation = found * spread;
+  if (light == nullptr) {
+    result.variation = std::min(result.variation, 1.0);
+  }
+  return result;
+}
+
+bool ClearToLight(const Visibility& visibility, const Polygon& receiver, const PunctualLight& light) {
+  Polygon end = receiver;
+  if (light.kind == PunctualLight::Kind::kDirectional) {
+    // Every shadow ray ends on a copy of the receiver.
+    for (int k = 0; k < receiver.count; ++k) {
+      end[k] = ShadowRayEnd(light, receiver[k]);
+    }
+    end.normal = -receiver.normal;
+    return visibility.Clear(receiver, end);
+  }
+  end.count = 3;
+  end.corner.fill(light.position);
+  end.normal = (receiver.Centroid() - light.position).normalized();
+  for (int k = 0; k < receiver.count; ++k) {
+    if (end.normal.dot(receiver[k] - light.position) <= 0) {
+      return false;
+    }
+  }
+  return visibility.Clear(receiver, end);
+}
+
+double UnoccludedAt(const Hierarchy& hierarchy, const Vec3& x, const Vec3& n, Index shooter) {
+  if (IsPunctual(shooter)) {
+    return PunctualKernel(hierarchy.patches().lights[shooter - kFirstPunctual], x, n);
+  }
+  if (IsElement(shooter)) {
+    return PointToPolygon(x, n, hierarchy.Shape(shooter));
+  }
+  const Cluster& cluster = hierarchy.clusters()[shooter - kFirstCluster];
+  const Vec3 along = cluster.centre - x;
+  const double distance = along.norm();
+  if (!(distance > 0)) {
+    return 0;
+  }
+  const double seen = std::max(0.0, Evaluate(cluster.extent, CosineBasis(-along / distance)));
+  const double r2 = std::max(distance * distance, cluster.radius * cluster.radius);
+  return std::max(0.0, n.dot(along) / distance) * seen * cluster.area / (std::numbers::pi * r2);
+}
+
+double FromNodeAt(const Hierarchy& hierarchy, const Visibility& visibility, const Vec3& x, const Vec3& n,
+                  Index shooter, QuasiRandom<3>& random, int rays) {
+  RayBatch batch(visibility);
+  if (IsPunctual(shooter)) {
+    const PunctualLight& light = hierarchy.patches().lights[shooter - kFirstPunctual];
+    const double kernel = PunctualKernel(light, x, n);
+    if (!(kernel > 0)) {
+      return 0;
+    }
+    ++batch.rays;
+    return visibility.caster().Occluded(x, ShadowRayEnd(light, x)) ? 0 : kernel;
+  }
+  const double area = hierarchy.Area(shooter);
+  double sum = 0;
+  for (int k = 0; k < rays; ++k) {
+    const SurfacePoint to = PointOfNode(hierarchy, shooter, random.Next());
+    const double kernel = AreaKernel({x, n}, to, area);
+    if (kernel > 0) {
+      ++batch.rays;
+      sum += visibility.caster().Occluded(x, to.x) ? 0 : kernel;
+    }
+  }
+  return sum / rays;
+}
+
+}  // namespace radbake

@@ -1,0 +1,49 @@
+/// Transport to and from nodes that are no polygons, clusters and lights without area, by rays between points
+/// on both.
+#pragma once
+
+#include <cstdint>
+
+#include "solver/hierarchy/hierarchy.h"
+#include "solver/transport/visibility.h"
+
+namespace radbake {
+
+/// A point of a surface and the normal of its lit side.
+struct SurfacePoint {
+  Vec3 x;
+  Vec3 normal;
+};
+
+/// A point of an element's or a cluster's surfaces, uniform by area for a point of the unit cube.
+SurfacePoint PointOfNode(const Hierarchy& hierarchy, Index node, std::array<double, 3> u);
+
+/// One link as rays see it. The means are over pairs of points drawn by area.
+struct NodeTransport {
+  double form_factor =
+      0;  ///< mean of the kernel over the receiver, unoccluded; of a light, per unit intensity
+  double variation =
+      0;  ///< bound of how much that varies over the receiver, beyond what orientation explains
+  SampledVisibility visibility;
+};
+
+/// Between a receiver (an element or a cluster) and a shooter (any node), at least one of them no element.
+/// A cluster and itself: what its patches exchange. form_factor and variation are 0 if it is proved that the
+/// two do not face one another; where rays found nothing and nothing is proved, the variation says what they
+/// may have missed.
+NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibility, Index receiver,
+                           Index shooter, std::uint64_t key, int rays);
+
+/// Is it proved that nothing is between an element and a light without area?
+bool ClearToLight(const Visibility& visibility, const Polygon& receiver, const PunctualLight& light);
+
+/// Irradiance at `x` with unit normal `n` per unit of what the node shoots, unoccluded: exact from an element
+/// and a light; from a cluster as if all of it were in its middle.
+double UnoccludedAt(const Hierarchy& hierarchy, const Vec3& x, const Vec3& n, Index shooter);
+
+/// Kernel times visibility at `x` with unit normal `n`: from a cluster the mean over `rays` points times its
+/// area (irradiance per unit of radiosity), from a light its PunctualKernel and one ray.
+double FromNodeAt(const Hierarchy& hierarchy, const Visibility& visibility, const Vec3& x, const Vec3& n,
+                  Index shooter, QuasiRandom<3>& random, int rays);
+
+}  // namespace radbake
