@@ -35,7 +35,7 @@ Size Link(const Patches& patches, double a_min) {
   // Visibility decides about no link of the static oracle, so few rays do.
   constexpr int kRays = 2;
   Linker linker(hierarchy, visibility, kRays);
-  linker.LinkPatches();
+  linker.LinkRoots();
   linker.Refine(HierarchicalOracle(a_min * patches.area, kFMax), {});
   Size size{.elements = static_cast<double>(hierarchy.size()),
             .links = static_cast<double>(linker.links().size())};

@@ -163,14 +163,14 @@ void BenchShaft(benchmark::State& state) {
   constexpr double kLow = 0.375;
   constexpr double kHigh = 0.625;
   constexpr double kCell = 0.1;
-  std::vector<Blocker> blockers;
+  Patches patches;
   for (const Polygon& square :
        {Square(Vec3::Zero(), 1, true), Square(Vec3(kLow, kLow, 0.5), kHigh - kLow, true),
         Square(Vec3(0, 0, 1), 1, false)}) {
-    blockers.push_back({.corner = {square[0], square[1], square[2]}});
-    blockers.push_back({.corner = {square[0], square[2], square[3]}});
+    patches.blockers.push_back({.corner = {square[0], square[1], square[2]}});
+    patches.blockers.push_back({.corner = {square[0], square[2], square[3]}});
   }
-  const Occluders occluders(blockers);
+  const Occluders occluders(patches);
 
   struct Pair {
     Polygon a;

@@ -65,7 +65,7 @@ Count LinkCornellBox(const Patches& patches, double a_min, double f_max) {
   const Visibility visibility(patches);
   constexpr int kRays = 2;
   Linker linker(hierarchy, visibility, kRays);
-  linker.LinkPatches();
+  linker.LinkRoots();
   linker.Refine(HierarchicalOracle(a_min * patches.area, f_max), {});
   Count count;
   for (Index e = 0; e < hierarchy.size(); ++e) {
