@@ -26,53 +26,150 @@ Vec3 CosineDirection(const Vec3& normal, std::array<double, 2> sample) {
          std::sqrt(1 - sample[0]) * normal;
 }
 
-double Power(const Facet& facet) {
-  return facet.area * facet.emission.sum() * (facet.back ? 2 : 1);
+// E = ∫ L·cos·cos'/r² dA; by direction the same point has the density cos/π·cos'/r².
+double FormFactor(double receiving, double emitting, double distance) {
+  return receiving * emitting / (distance * distance) / std::numbers::pi;
 }
 
 }  // namespace
 
-PathTracer::PathTracer(const TracedScene& scene)
-    : scene_(scene), caster_(scene.corners), light_density_(scene.facets.size()) {
-  double total = 0;
-  for (const Facet& facet : scene.facets) {
-    total += Power(facet);
-  }
-  double cumulative = 0;
+std::vector<LightTree::Lamp> PathTracer::Lamps(const TracedScene& scene) {
+  std::vector<LightTree::Lamp> lamps;
   for (Index i = 0; i < scene.facets.size(); ++i) {
-    if (const double power = Power(scene.facets[i]); power > 0) {
-      cumulative += power / total;
-      lights_.push_back({.facet = i, .cumulative = cumulative});
-      light_density_[i] = power / total / scene.facets[i].area;
+    const Facet& facet = scene.facets[i];
+    if (facet.area > 0 && (facet.emission > 0).any()) {
+      const auto& [a, b, c] = scene.corners[i];
+      const Vec3 centre = (a + b + c) / 3;
+      lamps.push_back({.centre = centre,
+                       .radius = std::sqrt(std::max({(a - centre).squaredNorm(), (b - centre).squaredNorm(),
+                                                     (c - centre).squaredNorm()})),
+                       .weight = facet.area * facet.emission.sum(),
+                       .axis = facet.normal,
+                       .cosine = facet.back ? -1.0 : 0.0});
     }
+  }
+  for (const PunctualLight& light : scene.lights) {
+    if (light.kind != PunctualLight::Kind::kDirectional) {
+      lamps.push_back({.centre = light.position,
+                       .radius = 0,
+                       .weight = light.intensity.sum(),
+                       .axis = light.direction,
+                       .cosine = light.kind == PunctualLight::Kind::kSpot ? light.outer_cosine : -1.0});
+    }
+  }
+  return lamps;
+}
+
+PathTracer::PathTracer(const TracedScene& scene)
+    : scene_(scene),
+      caster_(scene.corners),
+      sky_(scene, caster_),
+      lamp_(scene.facets.size(), kNone),
+      lamps_(Lamps(scene)) {
+  for (Index i = 0; i < scene.facets.size(); ++i) {
+    if (scene.facets[i].area > 0 && (scene.facets[i].emission > 0).any()) {
+      lamp_[i] = static_cast<Index>(emitters_.size());
+      emitters_.push_back(i);
+    }
+  }
+  double power = 0;
+  for (Index i = 0; i < scene.lights.size(); ++i) {
+    if (scene.lights[i].kind == PunctualLight::Kind::kDirectional) {
+      power += scene.lights[i].intensity.sum();
+      suns_.push_back(i);
+      cumulative_.push_back(power);
+    } else {
+      points_.push_back(i);
+    }
+  }
+  for (double& sum : cumulative_) {
+    sum /= power;
   }
 }
 
-Rgb PathTracer::FromLights(const Place& place, std::array<double, 2> sample, std::size_t& rays) const {
-  if (lights_.empty()) {
-    return Rgb::Zero();
-  }
-  const auto chosen =
-      std::ranges::upper_bound(lights_.begin(), lights_.end() - 1, sample[0], {}, &Light::cumulative);
-  const double before = chosen == lights_.begin() ? 0 : std::prev(chosen)->cumulative;
-  const double u = std::clamp((sample[0] - before) / (chosen->cumulative - before), 0.0, 1.0);
-  const Facet& light = scene_.facets[chosen->facet];
-  const Vec3 point = PointOf(scene_.corners[chosen->facet], {u, sample[1]});
-  const Vec3 way = point - place.point;
-  const double squared_distance = way.squaredNorm();
+Rgb PathTracer::FromSource(const Place& place, const Source& source, std::size_t& rays) const {
+  const Vec3 way = source.point - place.point;
+  const double distance = way.norm();
   const double receiving = place.normal.dot(way);
-  const double facing = -light.normal.dot(way);
-  const double emitting = light.back ? std::abs(facing) : facing;
+  const double facing = -source.normal.dot(way);
+  const double emitting = source.back ? std::abs(facing) : facing;
   if (receiving <= 0 || emitting <= 0) {
     return Rgb::Zero();
   }
   ++rays;
-  if (caster_.Occluded(place.point, point)) {
+  if (caster_.Occluded(place.point, source.point)) {
     return Rgb::Zero();
   }
-  // E = ∫ L·cos·cos'/r² dA; by direction the same point has the density cos/π·cos'/r².
-  const double form_factor = receiving * emitting / (squared_distance * squared_distance) / std::numbers::pi;
-  return light.emission * (form_factor / (light_density_[chosen->facet] + form_factor));
+  const double form_factor = FormFactor(receiving / distance, emitting / distance, distance);
+  return source.emission * (form_factor / (source.density + form_factor));
+}
+
+Rgb PathTracer::FromPoint(const Place& place, const PunctualLight& light, std::size_t& rays) const {
+  const Vec3 way = light.position - place.point;
+  const double receiving = place.normal.dot(way);
+  const double share = receiving > 0 ? light.Attenuation(-way) : 0;
+  if (share <= 0) {
+    return Rgb::Zero();
+  }
+  ++rays;
+  if (caster_.Occluded(place.point, light.position)) {
+    return Rgb::Zero();
+  }
+  const double distance = way.norm();
+  return light.intensity * (share * receiving / (distance * distance * distance) / std::numbers::pi);
+}
+
+Rgb PathTracer::FromLamps(const Place& place, std::array<double, 2> sample, std::size_t& rays) const {
+  const std::optional<LightTree::Choice> choice = lamps_.Choose(place, sample[0]);
+  if (!choice) {
+    return Rgb::Zero();
+  }
+  if (choice->lamp >= emitters_.size()) {
+    const PunctualLight& light = scene_.lights[points_[choice->lamp - emitters_.size()]];
+    return FromPoint(place, light, rays) / choice->probability;
+  }
+  const Index emitter = emitters_[choice->lamp];
+  const Facet& facet = scene_.facets[emitter];
+  return FromSource(place,
+                    {.point = PointOf(scene_.corners[emitter], {choice->rest, sample[1]}),
+                     .normal = facet.normal,
+                     .back = facet.back,
+                     .emission = facet.emission,
+                     .density = choice->probability / facet.area},
+                    rays);
+}
+
+Rgb PathTracer::FromSky(const Place& place, std::array<double, 2> sample, std::size_t& rays) const {
+  const std::optional<Sky::Point> point = sky_.Draw(place, sample);
+  if (!point) {
+    return Rgb::Zero();
+  }
+  return FromSource(place,
+                    {.point = point->point,
+                     .normal = point->normal,
+                     .back = false,
+                     .emission = scene_.environment,
+                     .density = point->density},
+                    rays);
+}
+
+Rgb PathTracer::FromSuns(const Place& place, double sample, std::size_t& rays) const {
+  if (suns_.empty()) {
+    return Rgb::Zero();
+  }
+  const auto chosen = std::ranges::upper_bound(cumulative_.begin(), cumulative_.end() - 1, sample);
+  const double before = chosen == cumulative_.begin() ? 0 : *std::prev(chosen);
+  const PunctualLight& sun = scene_.lights[suns_[static_cast<std::size_t>(chosen - cumulative_.begin())]];
+  const double receiving = -place.normal.dot(sun.direction);
+  if (receiving <= 0) {
+    return Rgb::Zero();
+  }
+  ++rays;
+  constexpr double kOutside = 4;  // of a scene of unit size
+  if (caster_.Occluded(place.point, place.point - kOutside * sun.direction)) {
+    return Rgb::Zero();
+  }
+  return sun.intensity * (receiving / (*chosen - before) / std::numbers::pi);
 }
 
 PathTracer::Estimate PathTracer::Irradiance(const Place& place, std::uint32_t paths,
@@ -82,12 +179,20 @@ PathTracer::Estimate PathTracer::Irradiance(const Place& place, std::uint32_t pa
   for (std::uint32_t path = 0; path < paths; ++path) {
     Place at = place;
     Rgb throughput = Rgb::Ones();
-    for (std::uint32_t dimension = 0;; dimension += 3) {
-      estimate.irradiance += throughput * FromLights(at, points.Point(path, dimension), estimate.rays);
+    for (std::uint32_t dimension = 0;; dimension += 4) {
+      const std::array<double, 2> spare = points.Point(path, dimension + 2);
+      const Rgb direct = FromLamps(at, points.Point(path, dimension), estimate.rays) +
+                         FromSky(at, points.Point(path, dimension + 3), estimate.rays) +
+                         FromSuns(at, spare[1], estimate.rays);
+      estimate.irradiance += throughput * direct;
       const Vec3 direction = CosineDirection(at.normal, points.Point(path, dimension + 1));
       const auto hit = caster_.Closest(at.point, direction);
       ++estimate.rays;
       if (!hit) {
+        const Sky::Point exit = sky_.Exit(at, direction);
+        const double form_factor =
+            FormFactor(at.normal.dot(direction), -exit.normal.dot(direction), (exit.point - at.point).norm());
+        estimate.irradiance += throughput * scene_.environment * (form_factor / (form_factor + exit.density));
         break;
       }
       const Facet& facet = scene_.facets[hit->triangle];
@@ -96,15 +201,16 @@ PathTracer::Estimate PathTracer::Irradiance(const Place& place, std::uint32_t pa
       }
       const Place next{.point = at.point + hit->distance * direction,
                        .normal = hit->front ? facet.normal : Vec3(-facet.normal)};
-      if (const double density = light_density_[hit->triangle]; density > 0) {
-        const double form_factor = at.normal.dot(direction) * -next.normal.dot(direction) /
-                                   (hit->distance * hit->distance) / std::numbers::pi;
+      if (const Index lamp = lamp_[hit->triangle]; lamp != kNone) {
+        const double density = lamps_.Probability(lamp, at) / facet.area;
+        const double form_factor =
+            FormFactor(at.normal.dot(direction), -next.normal.dot(direction), hit->distance);
         estimate.irradiance += throughput * facet.emission * (form_factor / (form_factor + density));
       }
       throughput *= facet.reflectance;
       const double survival = throughput.maxCoeff() / kRouletteBelow;
       if (survival < 1) {
-        if (points.Point(path, dimension + 2)[0] >= survival) {
+        if (spare[0] >= survival) {
           break;
         }
         throughput /= survival;

@@ -5,20 +5,17 @@
 #include <cstdint>
 #include <vector>
 
+#include "solver/check/light_tree.h"
+#include "solver/check/sky.h"
 #include "solver/check/traced_scene.h"
 
 namespace radbake {
 
-/// A point on a surface, and the normal of the side that is asked for.
-struct Place {
-  Vec3 point;
-  Vec3 normal;
-};
-
 /// Estimates irradiance without bias (but for paths that meet an edge within rounding). At each vertex of a
-/// path the direct light is sampled twice, by a point of a lamp and by a direction, the two combined by the
-/// balance heuristic. Veach, Guibas: Optimally combining sampling techniques for Monte Carlo rendering, 1995.
-/// Thread-safe.
+/// path the direct light of surfaces and of the sky is sampled twice, by a point of a lamp and by a
+/// direction, the two combined by the balance heuristic. Veach, Guibas: Optimally combining sampling
+/// techniques for Monte Carlo rendering, 1995. Lights without area are met by no direction, and sampled
+/// alone. Thread-safe.
 class PathTracer {
  public:
   /// Keeps a reference to the scene.
@@ -33,18 +30,33 @@ class PathTracer {
   Estimate Irradiance(const Place& place, std::uint32_t paths, std::uint64_t stream) const;
 
  private:
-  struct Light {
-    Index facet;
-    double cumulative;  ///< probability of this light or an earlier one
-  };
+  /// Lamps of the tree: first the facets that emit, then the lights with a position.
+  static std::vector<LightTree::Lamp> Lamps(const TracedScene& scene);
 
-  /// The direct light from a random point of a lamp, weighted against sampling by direction.
-  Rgb FromLights(const Place& place, std::array<double, 2> sample, std::size_t& rays) const;
+  /// A point of a surface that emits, drawn with a density by area.
+  struct Source {
+    Vec3 point;
+    Vec3 normal;
+    bool back;  // it emits there too
+    Rgb emission;
+    double density;
+  };
+  // Each is the direct light that one random sample finds, in the estimate's units.
+  Rgb FromLamps(const Place& place, std::array<double, 2> sample, std::size_t& rays) const;
+  Rgb FromSky(const Place& place, std::array<double, 2> sample, std::size_t& rays) const;
+  Rgb FromSource(const Place& place, const Source& source, std::size_t& rays) const;
+  Rgb FromPoint(const Place& place, const PunctualLight& light, std::size_t& rays) const;
+  Rgb FromSuns(const Place& place, double sample, std::size_t& rays) const;
 
   const TracedScene& scene_;
   RayCaster caster_;
-  std::vector<Light> lights_;
-  std::vector<double> light_density_;  ///< by facet: probability per area that a lamp's sample lies there
+  Sky sky_;
+  std::vector<Index> emitters_;     // facets
+  std::vector<Index> lamp_;         // by facet: its lamp in the tree, or kNone
+  std::vector<Index> points_;       // lights with a position
+  std::vector<Index> suns_;         // directional lights
+  std::vector<double> cumulative_;  // of the suns: probability of it or an earlier one
+  LightTree lamps_;
 };
 
 }  // namespace radbake

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace radbake {
 namespace {
@@ -52,10 +53,25 @@ TracedScene::TracedScene(const Scene& scene) : normalization(Normalize(scene)) {
       facets.push_back(facet);
     }
   }
+  environment = scene.environment;
+  brightest = std::max(brightest, environment.maxCoeff());
+  for (PunctualLight light : scene.lights) {
+    light.position = normalization(light.position);
+    light.range *= normalization.scale;
+    if (light.kind != PunctualLight::Kind::kDirectional) {
+      light.intensity *= normalization.scale * normalization.scale;
+    }
+    brightest = std::max(brightest, light.intensity.maxCoeff() / std::numbers::pi);
+    lights.push_back(light);
+  }
   if (brightest > 0) {
     for (Facet& facet : facets) {
       facet.emission /= brightest;
     }
+    for (PunctualLight& light : lights) {
+      light.intensity /= brightest;
+    }
+    environment /= brightest;
   }
 }
 

@@ -28,19 +28,30 @@ struct Facet {
   bool back = false;   ///< the back does
 };
 
+/// A point on a surface, and the normal of the side that is asked for.
+struct Place {
+  Vec3 point;
+  Vec3 normal;
+};
+
 /// A point of a triangle, uniform by area for a point of the unit square.
 Vec3 PointOf(const Corners& corners, std::array<double, 2> sample);
 
-/// All triangles of a scene; corners and facets have the same indices. Positions are normalised, radiances
-/// relative to the brightest one, so that neither overflows when squared.
+/// All triangles and lights of a scene; corners and facets have the same indices. Positions and lengths are
+/// normalised, radiances and intensities relative to the brightest one, so that neither overflows when
+/// squared.
 struct TracedScene {
   /// Throws InputError if the scene has no triangle of positive area.
   explicit TracedScene(const Scene& scene);
 
   Normalization normalization;
-  double brightest = 0;  ///< the largest emission of any channel in cd/m², 0 if nothing emits
+  /// The largest radiance of any channel in cd/m²: of what emits, of the sky, and of a white surface that a
+  /// light without area shines on from the scene's size away; 0 if nothing emits.
+  double brightest = 0;
   std::vector<Corners> corners;
   std::vector<Facet> facets;
+  std::vector<PunctualLight> lights;
+  Rgb environment = Rgb::Zero();
 };
 
 }  // namespace radbake

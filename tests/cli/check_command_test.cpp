@@ -45,6 +45,27 @@ TEST_F(CheckCommand, PrintsTheSameAsJson) {
   EXPECT_LT(measured["relative_rms"], 0.02);
 }
 
+TEST_F(CheckCommand, MeasuresUnderTheSkyThatItIsTold) {
+  // One triangle, which the sky lights with π·L, under a bake that says so.
+  Write("scene.gltf",
+        R"({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "_IRRADIANCE": 1}}]}],
+            "buffers": [{"byteLength": 72, "uri": "scene.bin"}],
+            "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 36}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+                          {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC3"}]})");
+  std::string bytes;
+  for (const float number : {0.F, 0.F, 0.F, 1.F, 0.F, 0.F, 0.F, 1.F, 0.F, 6.28318531F, 0.F, 0.F, 6.28318531F,
+                             0.F, 0.F, 6.28318531F, 0.F, 0.F}) {
+    bytes.append(reinterpret_cast<const char*>(&number), sizeof(number));
+  }
+  Write("scene.bin", bytes);
+  const Outcome run = Radbake({"check", File("scene.gltf"), File("scene.gltf"), "--probes", "16", "--json",
+                               "--environment.radiance", "[2, 0, 0]"});
+  ASSERT_EQ(run.code, 0) << run.error;
+  EXPECT_LT(json::parse(run.out)["relative_rms"], 0.02);
+}
+
 TEST_F(CheckCommand, SaysWhenTheBakeIsOfAnotherScene) {
   BakeFurnace();
   const Outcome run = Radbake({"check", SceneFile("two-rooms.glb"), File("baked.glb"), "--probes", "64"});
