@@ -1,5 +1,6 @@
 #include "solver/solve/radiosity_operator.h"
 
+#include <oneapi/tbb/blocked_range.h>
 #include <oneapi/tbb/parallel_for.h>
 
 #include <cmath>
@@ -7,95 +8,101 @@
 namespace radbake {
 namespace {
 
-/// Squared norms of the leaves below one node, by area.
-struct Norms {
-  double change = 0;
-  double radiosity = 0;
-};
-
-class PushPull {
- public:
-  PushPull(const Hierarchy& hierarchy, const std::vector<Rgb>& gathered, Light& light)
-      : hierarchy_(hierarchy), gathered_(gathered), light_(light) {}
-
-  Norms Visit(Index e) {
-    const Element& element = hierarchy_[e];
-    Norms norms;
-    if (element.IsLeaf()) {
-      const Patch& patch = hierarchy_.PatchOf(e);
-      const Rgb& irradiance = gathered_[e];
-      const Rgb radiosity = patch.emission + patch.reflectance * irradiance;
-      norms.change = element.area * (radiosity - light_.radiosity[e]).square().sum();
-      norms.radiosity = element.area * radiosity.square().sum();
-      light_.radiosity[e] = radiosity;
-      light_.irradiance[e] = irradiance;
-      light_.variation[e] = 0;
-      return norms;
+/// Children have higher indices than their parents.
+void PullElements(const Hierarchy& hierarchy, Light& light) {
+  for (auto e = static_cast<Index>(hierarchy.size()); e-- > 0;) {
+    if (!hierarchy[e].IsLeaf()) {
+      light.PullElement(hierarchy, e);
     }
-    const Index first = element.first_child;
-    double area = 0;
-    double open_area = 0;
-    for (Index child = first; child < first + 4; ++child) {
-      area += hierarchy_[child].area;
-      open_area += hierarchy_[child].area * light_.open[child];
-    }
-    Rgb radiosity = Rgb::Zero();
-    Rgb mean_irradiance = Rgb::Zero();
-    for (Index child = first; child < first + 4; ++child) {
-      const Norms below = Visit(child);
-      norms.change += below.change;
-      norms.radiosity += below.radiosity;
-      radiosity += hierarchy_[child].area * light_.radiosity[child];
-      mean_irradiance += hierarchy_[child].area * light_.irradiance[child];
-    }
-    light_.radiosity[e] = radiosity / area;
-    light_.irradiance[e] = mean_irradiance / area;
-    light_.variation[e] = Variation(first, open_area, Luminance(radiosity));
-    return norms;
   }
+}
 
- private:
-  /// `power` = Σ A·B of the children.
-  double Variation(Index first, double open_area, double power) const {
-    double variance = 0;
-    for (Index child = first; child < first + 4; ++child) {
-      const double open = light_.open[child];
-      if (open > 0) {
-        const double deviation = Luminance(light_.radiosity[child]) / open - power / open_area;
-        const double within = light_.variation[child];
-        variance += hierarchy_[child].area * open / open_area * (deviation * deviation + within * within);
-      }
-    }
-    return std::sqrt(variance);
-  }
-
-  const Hierarchy& hierarchy_;
-  const std::vector<Rgb>& gathered_;
-  Light& light_;
-};
+Eigen::Index Column(std::size_t leaf) {
+  return static_cast<Eigen::Index>(leaf);
+}
 
 }  // namespace
 
-double ApplyRadiosityOperator(const Hierarchy& hierarchy, const Rows& rows, Light& light) {
-  std::vector<Rgb> gathered(hierarchy.size());
-  tbb::parallel_for(std::size_t{0}, rows.leaves().size(), [&](std::size_t k) {
-    Rgb sum = Rgb::Zero();
+RadiosityOperator::RadiosityOperator(const Hierarchy& hierarchy, const Rows& rows, const Light& light)
+    : hierarchy_(hierarchy), rows_(rows), light_(light) {
+  const std::size_t count = rows.leaves().size();
+  emission_.resize(3, Column(count));
+  reflectance_.resize(3, Column(count));
+  areas_.resize(Column(count));
+  from_lights_ = LeafValues::Zero(3, Column(count));
+  for (std::size_t k = 0; k < count; ++k) {
+    const Index leaf = rows.leaves()[k];
+    emission_.col(Column(k)) = hierarchy.PatchOf(leaf).emission;
+    reflectance_.col(Column(k)) = hierarchy.PatchOf(leaf).reflectance;
+    areas_[Column(k)] = hierarchy.IsSky(leaf) ? 0 : hierarchy[leaf].area;
     for (const Gathered& entry : rows[k]) {
-      sum += static_cast<double>(entry.weight) *
-             light.Shooting(hierarchy, entry.shooter, hierarchy.Centre(rows.leaves()[k]));
+      if (IsPunctual(entry.shooter)) {
+        from_lights_.col(Column(k)) +=
+            static_cast<double>(entry.weight) * light.punctual[entry.shooter - kFirstPunctual];
+      }
     }
-    gathered[rows.leaves()[k]] = sum;
-  });
-  std::vector<Norms> norms(hierarchy.root_count());
-  tbb::parallel_for(std::size_t{0}, norms.size(), [&](std::size_t root) {
-    norms[root] = PushPull(hierarchy, gathered, light).Visit(static_cast<Index>(root));
-  });
-  Norms total;
-  for (const Norms& part : norms) {
-    total.change += part.change;
-    total.radiosity += part.radiosity;
   }
-  return total.radiosity > 0 ? std::sqrt(total.change / total.radiosity) : 0;
+}
+
+LeafValues RadiosityOperator::Radiosity(const Light& light) const {
+  LeafValues radiosity(3, size());
+  for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
+    radiosity.col(Column(k)) = light.radiosity[rows_.leaves()[k]];
+  }
+  return radiosity;
+}
+
+LeafValues RadiosityOperator::Gather(const LeafValues& radiosity) const {
+  Light shooting;
+  shooting.open = light_.open;
+  shooting.radiosity.assign(hierarchy_.size(), Rgb::Zero());
+  shooting.irradiance = shooting.radiosity;
+  shooting.variation.assign(hierarchy_.size(), 0);
+  shooting.punctual.assign(light_.punctual.size(), Rgb::Zero());
+  for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
+    shooting.radiosity[rows_.leaves()[k]] = radiosity.col(Column(k));
+  }
+  PullElements(hierarchy_, shooting);
+
+  std::vector<Rgb> by_element(hierarchy_.size());
+  for (Index e = 0; e < hierarchy_.size(); ++e) {
+    by_element[e] = shooting.Shooting(e);
+  }
+  LeafValues irradiance(3, size());
+  constexpr std::size_t kGrain = 64;
+  const std::size_t count = rows_.leaves().size();
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kGrain), [&](const auto& range) {
+    for (std::size_t k = range.begin(); k != range.end(); ++k) {
+      const Vec3 centre = hierarchy_.Centre(rows_.leaves()[k]);
+      Rgb sum = Rgb::Zero();
+      for (const Gathered& entry : rows_[k]) {
+        sum += static_cast<double>(entry.weight) *
+               (IsElement(entry.shooter) ? by_element[entry.shooter]
+                                         : shooting.Shooting(hierarchy_, entry.shooter, centre));
+      }
+      irradiance.col(Column(k)) = sum;
+    }
+  });
+  return irradiance;
+}
+
+Rgb RadiosityOperator::Norm(const LeafValues& values) const {
+  Rgb squares = Rgb::Zero();
+  for (Eigen::Index k = 0; k < size(); ++k) {
+    squares += areas_[k] * values.col(k).square();
+  }
+  return squares.sqrt();
+}
+
+void RadiosityOperator::Store(const LeafValues& irradiance, Light& light) const {
+  for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
+    const Index leaf = rows_.leaves()[k];
+    light.irradiance[leaf] = irradiance.col(Column(k));
+    light.radiosity[leaf] =
+        emission_.col(Column(k)) + reflectance_.col(Column(k)) * irradiance.col(Column(k));
+    light.variation[leaf] = 0;
+  }
+  PullElements(hierarchy_, light);
 }
 
 }  // namespace radbake

@@ -12,7 +12,7 @@ namespace radbake {
 struct Iteration {
   std::size_t pass = 0;
   std::size_t sweeps = 0;  ///< operator applications of this pass
-  double residual = 0;     ///< ‖πL_e + ρ·K·B − B‖ / ‖B‖ after them, area-weighted
+  double residual = 0;     ///< ‖πL_e + ρ·K·B − B‖ / ‖B‖ after them, by area, of the worst channel
   std::size_t elements = 0;
   std::size_t links = 0;
   std::uint64_t rays = 0;  ///< cast so far

@@ -8,6 +8,7 @@
 #include "solver/refine/adaptive.h"
 #include "solver/refine/hierarchical.h"
 #include "solver/refine/linker.h"
+#include "solver/solve/krylov.h"
 #include "solver/solve/radiosity_operator.h"
 #include "solver/transport/sampling.h"
 
@@ -17,7 +18,6 @@ namespace {
 // Multigridding: the threshold of the first pass, and its fall from pass to pass.
 constexpr double kFirstThreshold = 0.05;
 constexpr double kThresholdFall = 4;
-constexpr std::size_t kMaxSweeps = 100'000;
 
 class Solver {
  public:
@@ -77,26 +77,20 @@ class Solver {
     }
   }
 
-  /// Sweeps until what is left of the geometric series of residuals is below the tolerance.
   void Iterate(double tolerance) {
-    now_.sweeps = 0;
-    double previous = 0;
     const Rows rows(hierarchy_, linker_.links(), solution_.light);
-    for (; now_.sweeps < kMaxSweeps; ++now_.sweeps) {
-      now_.residual = ApplyRadiosityOperator(hierarchy_, rows, solution_.light);
-      const double ratio = previous > 0 ? now_.residual / previous : 1;
-      previous = now_.residual;
-      // The first sweeps spread light that the later ones only damp: their ratio says nothing yet.
-      constexpr std::size_t kFirstSweeps = 3;
-      if (now_.residual == 0 ||
-          (now_.sweeps >= kFirstSweeps && ratio < 1 && now_.residual * ratio / (1 - ratio) < tolerance)) {
-        break;
-      }
-      if (Stop()) {
-        break;
-      }
-    }
-    ++now_.sweeps;
+    const RadiosityOperator radiosity_operator(hierarchy_, rows, solution_.light);
+    const auto note = [this](const Convergence& convergence) {
+      now_.sweeps = convergence.applications;
+      now_.residual = convergence.residual;
+    };
+    const IterationOptions options{.tolerance = tolerance, .stop = [&](const Convergence& convergence) {
+                                     note(convergence);
+                                     return Stop();
+                                   }};
+    note(options_.iteration == IterationMethod::kKrylov
+             ? IterateByKrylov(radiosity_operator, options, solution_.light)
+             : IterateBySweeps(radiosity_operator, options, solution_.light));
     Note();
     solution_.iterations.push_back(now_);
   }

@@ -12,16 +12,18 @@
 namespace radbake {
 
 enum class Refinement { kHierarchical, kAdaptive };
+enum class IterationMethod { kKrylov, kSweeps };
 
 struct SolveOptions {
   Refinement refinement = Refinement::kAdaptive;
-  double a_min = 1e-5;       ///< elements below this share of the scene's area are not divided
-  double f_max = 0.05;       ///< kHierarchical
-  double w_min = 1e-5;       ///< kAdaptive: of the last pass; share of the emitted power
+  double a_min = 1e-5;  ///< elements below this share of the scene's area are not divided
+  double f_max = 0.05;  ///< kHierarchical
+  double w_min = 1e-5;  ///< kAdaptive: of the last pass; share of the emitted power
+  IterationMethod iteration = IterationMethod::kKrylov;
   double tolerance = 1e-4;   ///< largest relative error of the radiosity that the iteration may leave
   int visibility_rays = 32;  ///< even
-  /// Called after each pass and between sweeps and rounds of refinement; true ends the solve with what it
-  /// has.
+  /// Called between rounds of refinement, and between sweeps or a few applications of the operator in an
+  /// iteration; true ends the solve with what it has.
   std::function<bool(const Iteration&)> stop;
 };
 

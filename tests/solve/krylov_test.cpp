@@ -1,0 +1,123 @@
+#include "solver/solve/krylov.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "tests/solve/solved_scene_test.h"
+#include "tests/test_scenes.h"
+
+namespace radbake {
+namespace {
+
+using testing::SolvedScene;
+
+SolveOptions Coarse(Refinement refinement, IterationMethod iteration) {
+  SolveOptions options;
+  options.refinement = refinement;
+  options.iteration = iteration;
+  options.a_min = 1e-3;
+  options.f_max = 0.1;
+  options.w_min = 1e-3;
+  return options;
+}
+
+std::size_t Applications(const Solution& solution) {
+  std::size_t applications = 0;
+  for (const Iteration& iteration : solution.iterations) {
+    applications += iteration.sweeps;
+  }
+  return applications;
+}
+
+/// The largest relative deviation of any vertex of any surface from the irradiance.
+double WorstVertex(const BakedScene& baked, double irradiance) {
+  double worst = 0;
+  std::size_t vertices = 0;
+  for (const BakedSurface& surface : baked.surfaces) {
+    for (const BakedVertex& vertex : surface.front.vertices) {
+      worst = std::max(worst, (vertex.irradiance.cast<double>() / irradiance - 1).abs().maxCoeff());
+      ++vertices;
+    }
+  }
+  EXPECT_GT(vertices, 100U);
+  return worst;
+}
+
+TEST(Krylov, FurnacesThatReflectNearlyAllGlowEvenlyAfterAtMostFortyApplications) {
+  for (const double reflectance : {0.999, 0.9999}) {
+    for (const Scene& scene : {testing::FurnaceBox(reflectance), testing::FurnaceSphere(reflectance, 1)}) {
+      for (const Refinement refinement : {Refinement::kHierarchical, Refinement::kAdaptive}) {
+        SolveOptions options = Coarse(refinement, IterationMethod::kKrylov);
+        options.a_min = 4e-3;
+        SolvedScene solved(scene, options);
+        EXPECT_LE(Applications(solved.solution), 40U);
+        MeshOptions mesh;
+        mesh.start_area = 5e-3;
+        EXPECT_LT(WorstVertex(solved.Output(mesh), std::numbers::pi / (1 - reflectance)), 1e-3)
+            << scene.surfaces.size() << " surfaces, reflectance " << reflectance;
+      }
+    }
+  }
+}
+
+TEST(Krylov, FindsWhatSweepsFindInFewerApplications) {
+  for (const double reflectance : {0.7, 0.99}) {
+    Scene scene = testing::ShadowRoom();
+    scene.materials[0].reflectance = Rgb(reflectance, 0.5 * reflectance, 0);
+    scene.materials[2].emission = Rgb(1, 1, 1e-12);
+    SolveOptions options = Coarse(Refinement::kHierarchical, IterationMethod::kKrylov);
+    options.tolerance = 1e-6;
+    const SolvedScene krylov(scene, options);
+    options.iteration = IterationMethod::kSweeps;
+    const SolvedScene sweeps(scene, options);
+    double worst = 0;
+    for (Index e = 0; e < krylov.hierarchy.size(); ++e) {
+      const Rgb& known = sweeps.solution.light.irradiance[e];
+      const Rgb difference = (krylov.solution.light.irradiance[e] - known).abs();
+      worst = std::max(worst, (known > 0).select(difference / known, difference).maxCoeff());
+    }
+    EXPECT_LT(worst, 1e-4) << "reflectance " << reflectance;
+    EXPECT_LT(3 * Applications(krylov.solution), 2 * Applications(sweeps.solution));
+  }
+}
+
+TEST(Krylov, TheResidualIsTrue) {
+  SolveOptions options = Coarse(Refinement::kHierarchical, IterationMethod::kKrylov);
+  SolvedScene solved(testing::ShadowRoom(), options);
+  const Rows rows(solved.hierarchy, solved.solution.links, solved.solution.light);
+  const RadiosityOperator radiosity_operator(solved.hierarchy, rows, solved.solution.light);
+  Light& light = solved.solution.light;
+  light.radiosity.assign(light.radiosity.size(), Rgb::Constant(1));
+  const auto at_once = [](const Convergence&) { return true; };
+  const Convergence convergence =
+      IterateByKrylov(radiosity_operator, {.tolerance = 1e-6, .stop = at_once}, light);
+  EXPECT_EQ(convergence.applications, 1U);
+  // What is left in `light` is the radiosity that was applied, swept once.
+  Rgb change = Rgb::Zero();
+  Rgb norm = Rgb::Zero();
+  for (const Index leaf : rows.leaves()) {
+    change += solved.hierarchy[leaf].area * (light.radiosity[leaf] - 1).square();
+    norm += solved.hierarchy[leaf].area * light.radiosity[leaf].square();
+  }
+  EXPECT_NEAR(convergence.residual, (change / norm).sqrt().maxCoeff(), 1e-9);
+}
+
+TEST(Krylov, StopsWithWhatItHasWhenAsked) {
+  SolveOptions options = Coarse(Refinement::kHierarchical, IterationMethod::kKrylov);
+  std::size_t asked = 0;
+  options.stop = [&](const Iteration& iteration) {
+    asked += iteration.sweeps > 0 ? 1 : 0;
+    return iteration.sweeps > 0;
+  };
+  const SolvedScene solved(testing::ShadowRoom(), options);
+  EXPECT_EQ(asked, 1U);
+  EXPECT_TRUE(solved.solution.stopped);
+  EXPECT_EQ(Applications(solved.solution), 1U);
+  EXPECT_GT(Luminance(solved.solution.light.irradiance[0]), 0) << "the lamp's own light at least";
+}
+
+}  // namespace
+}  // namespace radbake
