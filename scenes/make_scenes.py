@@ -98,11 +98,26 @@ class Gltf:
         if strength > 0:
             material["emissiveFactor"] = [channel / strength for channel in radiance]
             material["extensions"] = {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}
-            self.json["extensionsUsed"] = ["KHR_materials_emissive_strength"]
+            self.uses("KHR_materials_emissive_strength")
         if double_sided:
             material["doubleSided"] = True
         self.json["materials"].append(material)
         return len(self.json["materials"]) - 1
+
+    def uses(self, extension):
+        if extension not in self.json.setdefault("extensionsUsed", []):
+            self.json["extensionsUsed"].append(extension)
+
+    def light(self, name, kind, color, intensity, *, cones=None, **place):
+        """A node with a light that shines along its -z; intensity: cd, of a directional one lx; cones: inner and
+        outer angle of a spot."""
+        self.uses("KHR_lights_punctual")
+        light = {"name": name, "type": kind, "color": color, "intensity": intensity}
+        if cones:
+            light["spot"] = {"innerConeAngle": cones[0], "outerConeAngle": cones[1]}
+        lights = self.json.setdefault("extensions", {}).setdefault("KHR_lights_punctual", {"lights": []})["lights"]
+        lights.append(light)
+        self.node(name=name, extensions={"KHR_lights_punctual": {"light": len(lights) - 1}}, **place)
 
     def node(self, **properties):
         self.json["scenes"][0]["nodes"].append(len(self.json["nodes"]))
@@ -339,7 +354,45 @@ def two_rooms():
 
 TWO_ROOMS_AREA = 151.6332  # m², as README.md states it
 
-SCENES = (cornell_box, furnace_box, furnace_sphere, plates_parallel, plates_perpendicular, plates_occluded, two_rooms)
+
+def three_lights():
+    """A black floor of 4 × 4 m under a point light, a spot and a sun, each in a channel of its own."""
+    gltf = Gltf()
+    floor = [((-2, 0, -2), (-2, 0, 2), (2, 0, 2), (2, 0, -2))]
+    screen = [((-1.25, 0.5, -0.25), (-1.25, 0.5, 0.25), (-0.75, 0.5, 0.25), (-0.75, 0.5, -0.25))]
+    assert looks_at(floor[0], (0, 1, 0))
+    gltf.mesh("floor", [(gltf.material("floor", BLACK), floor)])
+    gltf.mesh("screen", [(gltf.material("screen", BLACK, double_sided=True), screen)])
+    gltf.light("bulb", "point", (1, 0, 0), 100, translation=[0, 1, 0])
+    # Turned about x by -90°: -z becomes -y.
+    gltf.light("spot", "spot", (0, 1, 0), 100, cones=(math.radians(20), math.radians(40)),
+               translation=[0, 2, 1], rotation=[-math.sqrt(0.5), 0, 0, math.sqrt(0.5)])
+    # -z becomes (1, -1, 0)/√2: about x by -90° first, then about z by 45°.
+    half, eighth = math.sqrt(0.5), math.radians(22.5)
+    gltf.light("sun", "directional", (0, 0, 1), 100,
+               rotation=[-half * math.cos(eighth), -half * math.sin(eighth), half * math.sin(eighth), half * math.cos(eighth)])
+    return gltf
+
+
+def window_room():
+    """A room of 4 × 2.7 × 3 m, in whose wall at x = 4 there is a square hole."""
+    room = flipped(box((0, 0, 0), (4, 2.7, 3)))
+    wall = [face for face in room if all(x == 4 for x, _, _ in face)]
+    window = [(4, 0.9, 0.9), (4, 2.1, 0.9), (4, 2.1, 2.1), (4, 0.9, 2.1)]
+    assert is_closed(room) and len(wall) == 1
+    start = wall[0].index((4, 0, 0))
+    ring = wall[0][start:] + wall[0][:start]
+    hole = window if ring[1] == (4, 2.7, 0) else window[:1] + window[:0:-1]
+    faces = [face for face in room if face not in wall] + frame(ring, hole)
+    assert all(looks_at(face, (2, 1.35, 1.5)) for face in faces)
+    assert math.isclose(area(faces), 2 * (4 * 2.7 + 4 * 3 + 2.7 * 3) - 1.2 * 1.2)
+    gltf = Gltf()
+    gltf.mesh("room", [(gltf.material("plaster", (0.5, 0.5, 0.5)), faces)])
+    return gltf
+
+
+SCENES = (cornell_box, furnace_box, furnace_sphere, plates_parallel, plates_perpendicular, plates_occluded, two_rooms,
+          three_lights, window_room)
 
 
 def main():

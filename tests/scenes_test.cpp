@@ -153,7 +153,7 @@ TEST(Scenes, ComeOutOfTheScriptByteForByte) {
   const auto committed = std::ranges::count_if(
       fs::directory_iterator(kScenes), [](const auto& entry) { return entry.path().extension() == ".glb"; });
   EXPECT_EQ(made, static_cast<std::size_t>(committed));
-  EXPECT_EQ(made, 7U);
+  EXPECT_EQ(made, 9U);
   fs::remove_all(folder);
 }
 
@@ -247,6 +247,59 @@ TEST(Scenes, TwoRoomsKeepTheirLightAndShowTheSecondRoomNoneOfIt) {
     }
   }
   EXPECT_GT(of_second_room, 20U);
+}
+
+TEST(Scenes, ThreeLightsHaveAChannelEach) {
+  const Scene scene = Load("three-lights");
+  ASSERT_EQ(scene.lights.size(), 3U);
+  // E at the floor's centre, whose normal is +y.
+  Rgb sum = Rgb::Zero();
+  for (const PunctualLight& light : scene.lights) {
+    const bool sun = light.kind == PunctualLight::Kind::kDirectional;
+    const Vec3 to = sun ? light.direction : Vec3(-light.position);
+    const double distance = sun ? 1 : to.norm();
+    sum += light.intensity * light.Attenuation(to) * -to.y() / std::pow(distance, 3);
+  }
+  EXPECT_NEAR(sum[0], 100, 1e-5);
+  EXPECT_NEAR(sum[1], 9.777951, 1e-5);
+  EXPECT_NEAR(sum[2], 70.71068, 1e-5);
+  EXPECT_TRUE(scene.lights[2].direction.isApprox(Vec3(1, -1, 0).normalized(), 1e-12));
+
+  const Surface& screen = Made(scene, "screen");
+  EXPECT_EQ(scene.materials[screen.material].sides, Sides::kBoth);
+  const auto shadow = [&](std::size_t light, const Vec3& from) {
+    const PunctualLight& l = scene.lights[light];
+    const bool sun = l.kind == PunctualLight::Kind::kDirectional;
+    const Vec3 way = sun ? l.direction : Vec3(from - l.position);
+    return Vec3(from + way * (from.y() / -way.y()));
+  };
+  Eigen::AlignedBox3d boxes[3];
+  for (const Vec3& corner : screen.positions) {
+    for (std::size_t light = 0; light < 3; ++light) {
+      boxes[light].extend(shadow(light, corner));
+    }
+  }
+  EXPECT_TRUE(boxes[0].min().isApprox(Vec3(-2.5, 0, -0.5), 1e-6));
+  EXPECT_TRUE(boxes[0].max().isApprox(Vec3(-1.5, 0, 0.5), 1e-6));
+  EXPECT_TRUE(boxes[1].min().isApprox(Vec3(-5.0 / 3, 0, -2.0 / 3), 1e-6));
+  EXPECT_LT((boxes[1].max() - Vec3(-1, 0, 0)).norm(), 1e-6);
+  EXPECT_TRUE(boxes[2].min().isApprox(Vec3(-0.75, 0, -0.25), 1e-6));
+  EXPECT_TRUE(boxes[2].max().isApprox(Vec3(-0.25, 0, 0.25), 1e-6));
+}
+
+TEST(Scenes, TheRoomWithAWindowIsClosedButForIt) {
+  const Scene scene = Load("window-room");
+  const Integrals integrals = Integrate(scene);
+  EXPECT_LT((integrals.area - Vec3(1.44, 0, 0)).norm(), 1e-5);
+  EXPECT_NEAR(pi * 1000 * integrals.area.x(), 4523.893, 1e-2);
+  EXPECT_NEAR(integrals.volume, -4 * 2.7 * 3 + 4 * 1.44 / 3, 1e-4);
+  // Of the window as a surface that looks in.
+  Surface window;
+  window.positions = {{4, 0.9, 0.9}, {4, 0.9, 2.1}, {4, 2.1, 2.1}, {4, 2.1, 0.9}};
+  window.triangles = {{0, 1, 2}, {0, 2, 3}};
+  EXPECT_NEAR(PointFactor({3, 0, 1.5}, Vec3::UnitY(), window), 0.06470431, 1e-8);
+  EXPECT_NEAR(PointFactor({2, 0, 1.5}, Vec3::UnitY(), window), 0.03272847, 1e-8);
+  EXPECT_NEAR(pi * 1000 * 0.06470431, 203.2746, 1e-4);
 }
 
 TEST(Scenes, TheCornellBoxHasItsLightAndItsRedWallOnTheLeft) {
