@@ -1,10 +1,13 @@
 #include "solver/radbake.h"
 
+#include <oneapi/tbb/global_control.h>
+#include <oneapi/tbb/task_arena.h>
 #include <sys/resource.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <utility>
 
 #include "solver/bake/emit.h"
 #include "solver/bake/output_mesh.h"
@@ -34,6 +37,13 @@ std::size_t PeakBytes() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<std::size_t>(usage.ru_maxrss) * 1024;
+}
+
+/// How many threads the current arena may have.
+double Threads() {
+  return std::min(
+      static_cast<double>(tbb::this_task_arena::max_concurrency()),
+      static_cast<double>(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism)));
 }
 
 /// Tells the caller, keeps the clock, and decides when time is up.
@@ -134,6 +144,12 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
   watch.Report("solve", kImported);
   Hierarchy hierarchy(patches);
   const Visibility visibility(patches);
+  const auto end_phase_of_rays = [&](const char* name) {
+    end_phase(name);
+    const double before = std::exchange(statistics.ray_seconds, visibility.Counted().seconds);
+    const double thread_seconds = statistics.seconds.back().second * Threads();
+    statistics.ray_shares.emplace_back(name, (statistics.ray_seconds - before) / thread_seconds);
+  };
   SolveOptions solve_options = OptionsOf(parameters);
   solve_options.stop = [&](const Iteration& iteration) {
     watch.progress().iteration = iteration;
@@ -143,9 +159,9 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
     return watch.Beyond(kSolveShare);
   };
   Solution solution = Solve(hierarchy, visibility, solve_options);
-  end_phase("solve");
+  end_phase_of_rays("solve");
   statistics.energy = BalanceEnergy(hierarchy, solution.light, visibility);
-  end_phase("energy");
+  end_phase_of_rays("energy");
 
   watch.Report("gather", kSolved);
   const Gatherer gatherer(hierarchy, solution.light, solution.links, visibility, GatherOptionsOf(parameters));
@@ -159,7 +175,7 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
   };
   const MeshEnd end = mesh.Refine(mesh_options);
   const BakedScene baked = Emit(hierarchy, mesh, scene.surfaces.size(), parameters.exposure);
-  end_phase("gather");
+  end_phase_of_rays("gather");
 
   statistics.iterations = std::move(solution.iterations);
   statistics.estimated_error = std::hypot(mesh.error(), 0.5 * parameters.error);
@@ -167,7 +183,6 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
                           : end == MeshEnd::kLimit                     ? StoppedBy::kLimit
                                                                        : StoppedBy::kError;
   statistics.rays = visibility.Counted().rays;
-  statistics.ray_seconds = visibility.Counted().seconds;
   for (const BakedSurface& surface : baked.surfaces) {
     for (const BakedMesh* side : {&surface.front, &surface.back}) {
       statistics.output.vertices += side->vertices.size();

@@ -71,28 +71,34 @@ nlohmann::ordered_json ToJson(const Statistics& statistics) {
   for (const Iteration& iteration : statistics.iterations) {
     iterations.push_back(ToJson(iteration));
   }
-  return {{"version", RADBAKE_VERSION},
-          {"parameters", ToJson(statistics.parameters)},
-          {"scene",
-           {{"triangles", statistics.scene.triangles},
-            {"patches", statistics.scene.patches},
-            {"materials", statistics.scene.materials},
-            {"lights", statistics.scene.lights},
-            {"ignored", std::move(ignored)}}},
-          {"iterations", std::move(iterations)},
-          {"energy", ToJson(statistics.energy)},
-          {"error",
-           {{"estimated", statistics.estimated_error},
-            {"measured", statistics.measured ? ToJson(*statistics.measured) : Json()}}},
-          {"time", TimeToJson(statistics.seconds)},
-          {"memory", {{"peak_bytes", statistics.peak_bytes}}},
-          {"rays", {{"count", statistics.rays}, {"seconds", statistics.ray_seconds}}},
-          {"output",
-           {{"vertices", statistics.output.vertices},
-            {"triangles", statistics.output.triangles},
-            {"exposure", statistics.output.exposure}}},
-          {"stopped_by", ToJson(statistics.stopped_by)},
-          {"warnings", statistics.warnings}};
+  Json ray_shares = Json::object();
+  for (const auto& [phase, share] : statistics.ray_shares) {
+    ray_shares[phase] = share;
+  }
+  return {
+      {"version", RADBAKE_VERSION},
+      {"parameters", ToJson(statistics.parameters)},
+      {"scene",
+       {{"triangles", statistics.scene.triangles},
+        {"patches", statistics.scene.patches},
+        {"materials", statistics.scene.materials},
+        {"lights", statistics.scene.lights},
+        {"ignored", std::move(ignored)}}},
+      {"iterations", std::move(iterations)},
+      {"energy", ToJson(statistics.energy)},
+      {"error",
+       {{"estimated", statistics.estimated_error},
+        {"measured", statistics.measured ? ToJson(*statistics.measured) : Json()}}},
+      {"time", TimeToJson(statistics.seconds)},
+      {"memory", {{"peak_bytes", statistics.peak_bytes}}},
+      {"rays",
+       {{"count", statistics.rays}, {"seconds", statistics.ray_seconds}, {"share", std::move(ray_shares)}}},
+      {"output",
+       {{"vertices", statistics.output.vertices},
+        {"triangles", statistics.output.triangles},
+        {"exposure", statistics.output.exposure}}},
+      {"stopped_by", ToJson(statistics.stopped_by)},
+      {"warnings", statistics.warnings}};
 }
 
 }  // namespace radbake

@@ -6,7 +6,9 @@
 #include <oneapi/tbb/global_control.h>
 
 #include <cmath>
+#include <map>
 #include <string>
+#include <vector>
 
 namespace radbake {
 namespace {
@@ -109,6 +111,21 @@ TEST(Bake, ReportsProgressThatNeverFallsAndStopsWhenTold) {
                       return progress.phase == "gather" ? Continue::kStop : Continue::kYes;
                     }),
                Interrupted);
+}
+
+TEST(Bake, SaysWhatShareOfEachPhaseItsRaysTake) {
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
+  const Statistics statistics = Bake(Ours("cornell-box.glb"), Asking(0.1, 0)).statistics;
+  std::map<std::string, double> seconds(statistics.seconds.begin(), statistics.seconds.end());
+  std::vector<std::string> phases;
+  double sum = 0;
+  for (const auto& [phase, share] : statistics.ray_shares) {
+    phases.push_back(phase);
+    EXPECT_GT(share, 0) << phase;
+    sum += share * seconds[phase];
+  }
+  EXPECT_THAT(phases, ::testing::ElementsAre("solve", "energy", "gather"));
+  EXPECT_NEAR(sum, statistics.ray_seconds, 1e-6 * sum);
 }
 
 TEST(Bake, StopsRefiningWhenTimeIsUp) {

@@ -46,6 +46,8 @@ TEST(Statistics, WriteTheValuesWhereTheyBelong) {
   statistics.measured->error_low = 0.03;
   statistics.seconds = {{"solve", 1.5}, {"import", 0.25}};
   statistics.rays = 99;
+  statistics.ray_seconds = 0.75;
+  statistics.ray_shares = {{"solve", 0.25}, {"gather", 0.5}};
   statistics.output.vertices = 11;
   statistics.stopped_by = StoppedBy::kTimeBudget;
   statistics.warnings = {"careful"};
@@ -61,7 +63,7 @@ TEST(Statistics, WriteTheValuesWhereTheyBelong) {
   EXPECT_EQ(json["error"]["measured"]["relative_rms"], 0.03125);
   EXPECT_EQ(json["error"]["measured"]["low"], 0.03);
   EXPECT_EQ(json["time"].dump(), R"({"solve":1.5,"import":0.25,"total":1.75})");
-  EXPECT_EQ(json["rays"]["count"], 99);
+  EXPECT_EQ(json["rays"].dump(), R"({"count":99,"seconds":0.75,"share":{"solve":0.25,"gather":0.5}})");
   EXPECT_EQ(json["output"]["vertices"], 11);
   EXPECT_EQ(json["stopped_by"], "time_budget");
   EXPECT_EQ(json["warnings"][0], "careful");

@@ -3,7 +3,6 @@
 #include <oneapi/tbb/parallel_for.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -149,7 +148,6 @@ class RayBalance {
 
   Ends Trace(std::size_t batch) const {
     Ends ends;
-    const auto start = std::chrono::steady_clock::now();
     QuasiRandom<4> random(Hash(batch));
     std::uint64_t rays = kBatch;
     for (std::size_t k = 0; k < kBatch; ++k) {
@@ -173,7 +171,7 @@ class RayBalance {
         }
       }
     }
-    visibility_.Count(rays, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+    visibility_.Count(rays);
     return ends;
   }
 

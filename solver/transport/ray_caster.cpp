@@ -1,6 +1,8 @@
 #include "solver/transport/ray_caster.h"
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <limits>
 #include <new>
 #include <stdexcept>
@@ -25,14 +27,14 @@ using QueryContext = RTCIntersectContext;
 constexpr double kSlack = 1e-6;
 
 // dot(normal, x) == offset, unit normal; a zero normal for a degenerate triangle, which no point is off.
-struct Plane {
+struct TrianglePlane {
   Vec3 normal = Vec3::Zero();
   double offset = 0;
 
   double Distance(const Vec3& point) const { return normal.dot(point) - offset; }
 };
 
-Plane PlaneOf(const Corners& corners) {
+TrianglePlane PlaneThrough(const Corners& corners) {
   const Vec3 u = corners[1] - corners[0];
   const Vec3 v = corners[2] - corners[0];
   const Vec3 cross = u.cross(v);
@@ -61,13 +63,13 @@ struct ClosestQuery {
   bool front;
 };
 
-const Plane& HitPlane(const RTCFilterFunctionNArguments* arguments, Index triangle) {
-  return static_cast<const Plane*>(arguments->geometryUserPtr)[triangle];
+const TrianglePlane& HitPlane(const RTCFilterFunctionNArguments* arguments, Index triangle) {
+  return static_cast<const TrianglePlane*>(arguments->geometryUserPtr)[triangle];
 }
 
 void FilterOccluded(const RTCFilterFunctionNArguments* arguments) {
   const auto& query = *reinterpret_cast<const SegmentQuery*>(arguments->context);
-  const Plane& plane = HitPlane(arguments, RTCHitN_primID(arguments->hit, 1, 0));
+  const TrianglePlane& plane = HitPlane(arguments, RTCHitN_primID(arguments->hit, 1, 0));
   const double from = plane.Distance(*query.from);
   const double to = plane.Distance(*query.to);
   constexpr double kTolerance = RayCaster::kPlaneTolerance;
@@ -80,7 +82,7 @@ void FilterOccluded(const RTCFilterFunctionNArguments* arguments) {
 void FilterClosest(const RTCFilterFunctionNArguments* arguments) {
   auto& query = *reinterpret_cast<ClosestQuery*>(const_cast<QueryContext*>(arguments->context));
   const Index triangle = RTCHitN_primID(arguments->hit, 1, 0);
-  const Plane& plane = HitPlane(arguments, triangle);
+  const TrianglePlane& plane = HitPlane(arguments, triangle);
   const double origin = plane.Distance(*query.origin);
   const double slope = plane.normal.dot(*query.direction);
   const float embree_distance = RTCRayN_tfar(arguments->ray, 1, 0);
@@ -117,12 +119,54 @@ void SetRay(RTCRay& ray, const Vec3& origin, const Vec3& unit, double length) {
   ray.flags = 0;
 }
 
+/// Times one ray in so many while it lives; to read the clock for each would cost as much as some rays do.
+class Stopwatch {
+ public:
+  explicit Stopwatch(std::atomic<std::uint64_t>& nanoseconds) {
+    thread_local unsigned turn = 0;
+    if (turn++ % kEvery == 0) {
+      nanoseconds_ = &nanoseconds;
+      start_ = Clock::now();
+    }
+  }
+  ~Stopwatch() {
+    if (nanoseconds_ != nullptr) {
+      const std::chrono::nanoseconds spent = std::clamp(Clock::now() - start_ - ClockCost(), {}, kLongest);
+      nanoseconds_->fetch_add(kEvery * static_cast<std::uint64_t>(spent.count()), std::memory_order_relaxed);
+    }
+  }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  static constexpr unsigned kEvery = 32;
+  // No ray takes longer: a thread that had to wait for a processor would count kEvery times.
+  static constexpr std::chrono::nanoseconds kLongest = std::chrono::microseconds(50);
+
+  static std::chrono::nanoseconds ClockCost() {
+    static const std::chrono::nanoseconds cost = [] {
+      auto least = Clock::duration::max();
+      for (int k = 0; k < 100; ++k) {
+        const auto start = Clock::now();
+        least = std::min(least, Clock::now() - start);
+      }
+      return least;
+    }();
+    return cost;
+  }
+
+  std::atomic<std::uint64_t>* nanoseconds_ = nullptr;
+  Clock::time_point start_;
+};
+
 }  // namespace
 
 struct RayCaster::Impl {
-  std::vector<Plane> planes;
+  std::vector<TrianglePlane> planes;
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
+  std::atomic<std::uint64_t> nanoseconds{0};
 
   ~Impl() {
     if (scene != nullptr) {
@@ -147,7 +191,7 @@ struct RayCaster::Impl {
 RayCaster::RayCaster(std::span<const Corners> triangles) : impl_(std::make_unique<Impl>()) {
   impl_->planes.reserve(triangles.size());
   for (const Corners& corners : triangles) {
-    impl_->planes.push_back(PlaneOf(corners));
+    impl_->planes.push_back(PlaneThrough(corners));
   }
   impl_->device = rtcNewDevice(nullptr);
   impl_->ThrowOnError();
@@ -183,6 +227,10 @@ RayCaster::RayCaster(std::span<const Corners> triangles) : impl_(std::make_uniqu
 
 RayCaster::~RayCaster() = default;
 
+double RayCaster::Seconds() const {
+  return 1e-9 * static_cast<double>(impl_->nanoseconds.load());
+}
+
 bool RayCaster::Occluded(const Vec3& a, const Vec3& b) const {
   const Vec3 difference = b - a;
   const double length = difference.norm();
@@ -192,6 +240,7 @@ bool RayCaster::Occluded(const Vec3& a, const Vec3& b) const {
   RTCRay ray;
   SetRay(ray, a, difference / length, length);
   SegmentQuery query{.context = {}, .from = &a, .to = &b};
+  const Stopwatch stopwatch(impl_->nanoseconds);
 #if RTC_VERSION_MAJOR >= 4
   rtcInitRayQueryContext(&query.context);
   RTCOccludedArguments arguments;
@@ -217,6 +266,7 @@ std::optional<RayCaster::Hit> RayCaster::Closest(const Vec3& origin, const Vec3&
                      .triangle = kNone,
                      .distance = 0,
                      .front = false};
+  const Stopwatch stopwatch(impl_->nanoseconds);
 #if RTC_VERSION_MAJOR >= 4
   rtcInitRayQueryContext(&query.context);
   RTCIntersectArguments arguments;

@@ -139,14 +139,11 @@ double Visibility::FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygo
 }
 
 RayCount Visibility::Counted() const {
-  return {rays_.load(), static_cast<double>(nanoseconds_.load()) * 1e-9};
+  return {rays_.load(), caster_.Seconds()};
 }
 
-void Visibility::Count(std::uint64_t rays, double seconds) const {
+void Visibility::Count(std::uint64_t rays) const {
   rays_.fetch_add(rays, std::memory_order_relaxed);
-  if (seconds > 0) {
-    nanoseconds_.fetch_add(static_cast<std::uint64_t>(seconds * 1e9), std::memory_order_relaxed);
-  }
 }
 
 }  // namespace radbake

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <atomic>
-#include <chrono>
 #include <cstdint>
 #include <vector>
 
@@ -14,7 +13,7 @@
 
 namespace radbake {
 
-/// Rays cast so far, and the thread-seconds spent inside the ray tracer.
+/// Rays cast so far, and the thread-seconds that they spent inside Embree (RayCaster::Seconds).
 struct RayCount {
   std::uint64_t rays = 0;
   double seconds = 0;
@@ -59,7 +58,7 @@ class Visibility {
   const RayCaster& caster() const { return caster_; }
   RayCount Counted() const;
   /// For whoever casts through caster() directly.
-  void Count(std::uint64_t rays, double seconds) const;
+  void Count(std::uint64_t rays) const;
 
  private:
   bool SeesNothingLit(const Vec3& y, const Vec3& direction) const;
@@ -73,35 +72,19 @@ class Visibility {
   std::vector<Dead> dead_;  // by blocker: the side gives no light
   bool any_dead_ = false;
   mutable std::atomic<std::uint64_t> rays_{0};
-  mutable std::atomic<std::uint64_t> nanoseconds_{0};
 };
 
-/// Counts one batch of rays, and times one batch in eight: the clock costs as much as two rays.
+/// Counts one batch of rays.
 class RayBatch {
  public:
-  explicit RayBatch(const Visibility& visibility) : visibility_(visibility) {
-    thread_local unsigned turn = 0;
-    timed_ = turn++ % kEvery == 0;
-    if (timed_) {
-      start_ = std::chrono::steady_clock::now();
-    }
-  }
-  ~RayBatch() {
-    double spent = 0;
-    if (timed_) {
-      spent = kEvery * std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-    }
-    visibility_.Count(rays, spent);
-  }
+  explicit RayBatch(const Visibility& visibility) : visibility_(visibility) {}
+  ~RayBatch() { visibility_.Count(rays); }
   RayBatch(const RayBatch&) = delete;
   RayBatch& operator=(const RayBatch&) = delete;
   std::uint64_t rays = 0;
 
  private:
-  static constexpr unsigned kEvery = 8;
   const Visibility& visibility_;
-  bool timed_ = false;
-  std::chrono::steady_clock::time_point start_;
 };
 
 }  // namespace radbake

@@ -264,6 +264,23 @@ TEST(RayCaster, SeesThroughAnEmptyScene) {
   EXPECT_FALSE(caster.Closest({0, 0, 0}, {1, 0, 0}));
 }
 
+TEST(RayCaster, CountsTheTimeOfItsRays) {
+  const Box box(0.5);
+  const RayCaster caster(box.triangles);
+  EXPECT_EQ(caster.Seconds(), 0);
+  const auto cast = [&] {
+    Random random(5);
+    for (int k = 0; k < 5000; ++k) {
+      caster.Closest(random.InCube(0.4), random.Direction());
+      caster.Occluded(random.InCube(0.4), random.InCube(0.4));
+    }
+    return caster.Seconds();
+  };
+  const double once = cast();
+  EXPECT_GT(once, 0);
+  EXPECT_GT(cast(), once);
+}
+
 TEST(RayCaster, SeesAPointFromItself) {
   const Box box(0.5);
   const RayCaster caster(box.triangles);
