@@ -1,10 +1,10 @@
 /// The service over HTTP (DESIGN section 2). Each answer is made as: parse, validate, call.
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <string>
 
+#include "server/http_limits.h"
 #include "server/jobs.h"
 
 namespace radbake::server {
@@ -13,8 +13,8 @@ class HttpServer {
  public:
   struct Options {
     std::string host = "127.0.0.1";
-    int port = 8080;                           ///< 0: any free one
-    std::uint64_t max_upload = 256ULL << 20U;  ///< bytes of a body
+    int port = 8080;  ///< 0: any free one
+    HttpLimits limits;
   };
 
   /// Binds the port: from here on connections are taken, and wait for Listen(). The jobs must outlive this
@@ -30,8 +30,8 @@ class HttpServer {
 
   /// Answers requests until Stop(). True if that was the reason.
   bool Listen();
-  /// From any thread, once: takes no more connections, refuses the uploads that are under way (503), and lets
-  /// the other requests end.
+  /// From any thread, once: takes no more connections, refuses the uploads that are under way (503), ends the
+  /// streams of events, and lets the other requests end.
   void Stop();
 
  private:

@@ -15,9 +15,7 @@ namespace {
 
 constexpr std::size_t kLongestTarget = 1024;
 constexpr std::uint64_t kDrained = 4ULL << 20U;
-
-// Where Disarm() leaves the Content-Type.
-constexpr const char* kContentType = "Radbaked-Content-Type";
+constexpr std::int64_t kLongestWait = 60;
 
 bool IsId(std::string_view text) {
   return text.size() == 32 && text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
@@ -47,11 +45,13 @@ bool IsChunked(const httplib::Request& request) {
 
 Target ParsePath(std::string_view path) {
   constexpr std::string_view kBakes = "/v1/bakes";
-  constexpr std::array<std::pair<std::string_view, Resource>, 4> kParts = {
+  constexpr std::array<std::pair<std::string_view, Resource>, 6> kParts = {
       {{"", Resource::kBake},
        {"/cancel", Resource::kCancel},
        {"/scene", Resource::kScene},
-       {"/statistics", Resource::kStatistics}}};
+       {"/statistics", Resource::kStatistics},
+       {"/lightmap", Resource::kLightmap},
+       {"/events", Resource::kEvents}}};
   if (path == "/healthz") {
     return {Resource::kHealth, ""};
   }
@@ -76,6 +76,7 @@ std::string_view Allowed(Resource resource) {
     case Resource::kNone:
       return "";
     case Resource::kBakes:
+      return "GET, HEAD, POST";
     case Resource::kCancel:
       return "POST";
     case Resource::kBake:
@@ -83,23 +84,11 @@ std::string_view Allowed(Resource resource) {
     case Resource::kHealth:
     case Resource::kScene:
     case Resource::kStatistics:
+    case Resource::kLightmap:
+    case Resource::kEvents:
       return "GET, HEAD";
   }
   return "";
-}
-
-void Disarm(httplib::Request& request) {
-  request.ranges.clear();
-  request.headers.erase(kContentType);
-  if (request.has_header("Content-Type")) {
-    request.set_header(kContentType, request.get_header_value("Content-Type"));
-    request.headers.erase("Content-Type");
-  }
-}
-
-std::string ContentType(const httplib::Request& request) {
-  const bool renamed = request.has_header(kContentType);
-  return request.get_header_value(renamed ? kContentType : "Content-Type");
 }
 
 std::string MediaType(std::string_view content_type) {
@@ -121,17 +110,17 @@ void CheckHead(const httplib::Request& request, std::uint64_t max_upload) {
     throw ProblemError(
         HttpProblem(405, request.method + " is not allowed here, only " + std::string(Allowed(resource))));
   }
-  if (resource != Resource::kBakes) {
+  if (resource != Resource::kBakes || request.method != "POST") {
     return;
   }
-  const std::string type = ContentType(request);
+  const std::string type = Header(request, "Content-Type");
   const bool multipart = MediaType(type) == "multipart/form-data";
   if (!multipart && MediaType(type) != "model/gltf-binary" && MediaType(type) != "application/octet-stream") {
     throw ProblemError(HttpProblem(
         415, "the body is " + (type.empty() ? "of no type" : Quoted(type)) +
                  ", and must be multipart/form-data, model/gltf-binary or application/octet-stream"));
   }
-  if (request.has_header("Content-Encoding") && request.get_header_value("Content-Encoding") != "identity") {
+  if (HeaderCount(request, "Content-Encoding") > 0 && Header(request, "Content-Encoding") != "identity") {
     throw ProblemError(HttpProblem(415, "the body must come without a Content-Encoding"));
   }
   if (multipart && MultipartBoundary(type).empty()) {
@@ -156,9 +145,27 @@ void CheckHead(const httplib::Request& request, std::uint64_t max_upload) {
   }
 }
 
+std::optional<std::chrono::seconds> PreferredWait(const httplib::Request& request) {
+  std::string_view preferences;
+  const std::string header = request.get_header_value("Prefer");
+  for (preferences = header; !preferences.empty();) {
+    const std::size_t end = std::min(preferences.find_first_of(",;"), preferences.size());
+    std::string_view one = preferences.substr(0, end);
+    preferences.remove_prefix(std::min(end + 1, preferences.size()));
+    one.remove_prefix(std::min(one.find_first_not_of(' '), one.size()));
+    one = one.substr(0, one.find_last_not_of(' ') + 1);
+    constexpr std::string_view kWait = "wait=";
+    if (one.starts_with(kWait) && IsNumber(one.substr(kWait.size())) && one.size() < 12) {
+      const std::int64_t wait = std::stoll(std::string(one.substr(kWait.size())));
+      return std::chrono::seconds(std::min(wait, kLongestWait));
+    }
+  }
+  return std::nullopt;
+}
+
 Body::Body(const httplib::Request& request, const httplib::ContentReader* reader,
-           const std::atomic<bool>& stopping)
-    : stopping_(stopping) {
+           const Connection& connection, const std::atomic<bool>& stopping)
+    : connection_(connection), stopping_(stopping) {
   const std::string length = request.get_header_value("Content-Length");
   const bool some = IsChunked(request) || (IsNumber(length) && length != "0");
   reader_ = some ? reader : nullptr;
@@ -194,6 +201,9 @@ void Body::Read(std::uint64_t most, const std::function<void(std::string_view)>&
   });
   if (error) {
     std::rethrow_exception(error);
+  }
+  if (!whole && connection_.late()) {
+    throw ProblemError(HttpProblem(408, "the body comes too slowly"));
   }
   if (!whole) {
     throw ProblemError(HttpProblem(400, "the body breaks off"));

@@ -4,14 +4,18 @@
 #include <httplib.h>
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 
+#include "server/http_connection.h"
+
 namespace radbake::server {
 
-enum class Resource { kNone, kHealth, kBakes, kBake, kCancel, kScene, kStatistics };
+enum class Resource { kNone, kHealth, kBakes, kBake, kCancel, kScene, kStatistics, kLightmap, kEvents };
 
 struct Target {
   Resource resource = Resource::kNone;
@@ -23,28 +27,24 @@ Target ParsePath(std::string_view path);
 /// The methods of a resource, as the header Allow lists them.
 std::string_view Allowed(Resource resource);
 
-/// Keeps httplib from handling by itself what it handles badly: a multipart body (it would hold without limit
-/// what is none; ContentType() still tells the type) and ranges (it would cut any answer, errors too; a
-/// server may leave ranges unserved).
-void Disarm(httplib::Request& request);
-
-std::string ContentType(const httplib::Request& request);
-
 /// The media type alone, in lower case, without its parameters.
 std::string MediaType(std::string_view content_type);
 
 /// Throws ProblemError for what is wrong with a request whatever its body holds.
 void CheckHead(const httplib::Request& request, std::uint64_t max_upload);
 
+/// How long the client would rather wait for the job's end (Prefer: wait=N, RFC 7240), a minute at most.
+std::optional<std::chrono::seconds> PreferredWait(const httplib::Request& request);
+
 /// The body of a request, which streams by once.
 class Body {
  public:
   /// `reader` may be null: a request whose body nobody reads. Raising `stopping` ends a Read() with a 503.
-  Body(const httplib::Request& request, const httplib::ContentReader* reader,
+  Body(const httplib::Request& request, const httplib::ContentReader* reader, const Connection& connection,
        const std::atomic<bool>& stopping);
 
-  /// Hands over all its bytes. Throws ProblemError if there are more than `most` or if it breaks off, and
-  /// whatever `take` throws.
+  /// Hands over all its bytes. Throws ProblemError if there are more than `most` (413), if it breaks off
+  /// (400) or comes too slowly (408), and whatever `take` throws.
   void Read(std::uint64_t most, const std::function<void(std::string_view)>& take);
 
   /// Reads and forgets some of what was not read, so that its sender gets to read the answer.
@@ -52,6 +52,7 @@ class Body {
 
  private:
   const httplib::ContentReader* reader_ = nullptr;  ///< null: there is nothing (more) to read
+  const Connection& connection_;
   const std::atomic<bool>& stopping_;
 };
 

@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <ctime>
@@ -12,6 +13,8 @@
 
 namespace radbake::server {
 namespace {
+
+using namespace std::chrono_literals;
 
 // RFC 3339, UTC, milliseconds.
 std::string ToString(Time time) {
@@ -46,10 +49,11 @@ Draft::~Draft() {
   }
 }
 
-Jobs::Jobs(const std::filesystem::path& data, const Workers::Options& options) : folder_(data / "jobs") {
+Jobs::Jobs(const std::filesystem::path& data, const Options& options)
+    : folder_(data / "jobs"), keep_(options.keep) {
   std::filesystem::create_directories(folder_);
   lock_ = LockFolder(data);
-  queue_.emplace(data / "jobs.sqlite");
+  queue_.emplace(data / "jobs.sqlite", options.keep);
   if (const std::size_t count = queue_->ReleaseAll(); count > 0) {
     spdlog::info("{} jobs that were running are queued again", count);
   }
@@ -63,7 +67,38 @@ Jobs::Jobs(const std::filesystem::path& data, const Workers::Options& options) :
     std::filesystem::remove_all(orphan);
   }
   SyncFolder(data);
-  workers_.emplace(*queue_, options, [this](const std::string& id) { return Files(id); });
+  workers_.emplace(*queue_, options.workers, [this](const std::string& id) { return Files(id); });
+  forgetter_ = std::thread([this] { Forget(); });
+}
+
+Jobs::~Jobs() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  stopped_.notify_all();
+  forgetter_.join();
+}
+
+// Forgets a job a minute late at most, and much less late where jobs are kept for a short time.
+void Jobs::Forget() {
+  const auto pause = std::clamp<std::chrono::milliseconds>(keep_ / 10, 10ms, 1min);
+  std::unique_lock lock(mutex_);
+  while (!stopping_) {
+    lock.unlock();
+    try {
+      for (const std::string& id : queue_->Forget(Now())) {
+        if (!workers_->Stop(id)) {
+          std::filesystem::remove_all(Files(id).folder);
+        }
+        spdlog::info("job {}: forgotten", id);
+      }
+    } catch (const std::exception& error) {
+      spdlog::error("jobs cannot be forgotten: {}", error.what());  // the next start removes what is left
+    }
+    lock.lock();
+    stopped_.wait_for(lock, pause, [&] { return stopping_; });
+  }
 }
 
 JobFiles Jobs::Files(const std::string& id) const {
@@ -74,29 +109,41 @@ Draft Jobs::Begin() {
   return Draft(Files(RandomId()));
 }
 
-JobView Jobs::Submit(Draft draft, const std::string& scene) {
+Added Jobs::Submit(Draft draft, Submission submission) {
   SyncTree(draft.files().folder);
   SyncFolder(folder_);
   const std::string id = draft.files().folder.filename().string();
-  JobView view{queue_->Add(id, scene), std::nullopt};
-  draft.taken_ = true;
-  workers_->Wake();
-  return view;
+  Added added =
+      queue_->Add({id, std::move(submission.owner), std::move(submission.scene), std::move(submission.key)});
+  if (added.kind == Added::Kind::kNew) {
+    draft.taken_ = true;
+    workers_->Wake();
+  }
+  return added;
 }
 
-std::optional<JobView> Jobs::Find(const std::string& id) {
+std::optional<Job> Jobs::Find(const std::string& id) {
   // First what its worker tells: a job that ends meanwhile is then seen as ended.
   std::optional<Live> live = workers_->Find(id);
   std::optional<Job> job = queue_->Find(id);
-  if (!job) {
-    return std::nullopt;
+  if (job && job->status == Status::kRunning && live) {
+    job->live = std::move(*live);
   }
-  return JobView{std::move(*job), std::move(live)};
+  return job;
+}
+
+std::vector<Job> Jobs::List(const Page& page) {
+  std::vector<Job> jobs = queue_->List(page);
+  for (Job& job : jobs) {
+    if (std::optional<Live> live = workers_->Find(job.id); live && job.status == Status::kRunning) {
+      job.live = std::move(*live);
+    }
+  }
+  return jobs;
 }
 
 bool Jobs::Cancel(const std::string& id) {
-  const double progress = workers_->Find(id).value_or(Live()).progress;
-  if (!queue_->Cancel(id, progress)) {
+  if (!queue_->Cancel(id, workers_->Find(id).value_or(Live()))) {
     return false;
   }
   workers_->Stop(id);
@@ -114,23 +161,25 @@ bool Jobs::Remove(const std::string& id) {
   return true;
 }
 
-nlohmann::json ToJson(const JobView& view) {
-  const Job& job = view.job;
+nlohmann::json ToJson(const Job& job) {
   const std::string self = "/v1/bakes/" + job.id;
   nlohmann::json json = {
       {"id", job.id},
       {"status", ToString(job.status)},
-      {"progress", job.progress},
-      {"phase", nullptr},
+      {"attempt", job.attempt},
+      {"progress", job.live.progress},
+      {"phase", job.live.phase.empty() ? nlohmann::json() : nlohmann::json(job.live.phase)},
+      {"statistics", job.live.statistics},
       {"created_at", ToString(job.created)},
       {"started_at", ToJson(job.started)},
       {"ended_at", ToJson(job.ended)},
-      {"links", {{"self", self}, {"scene", self + "/scene"}, {"statistics", self + "/statistics"}}}};
-  if (job.status == Status::kRunning && view.live) {
-    json["progress"] = view.live->progress;
-    json["phase"] = view.live->phase.empty() ? nlohmann::json(nullptr) : nlohmann::json(view.live->phase);
-    json["statistics"] = view.live->statistics;
-  }
+      {"expires_at", ToJson(job.expires)},
+      {"links",
+       {{"self", self},
+        {"scene", self + "/scene"},
+        {"statistics", self + "/statistics"},
+        {"events", self + "/events"},
+        {"cancel", self + "/cancel"}}}};
   if (job.problem) {
     json["error"] = ToJson(*job.problem);
   }

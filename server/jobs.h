@@ -6,22 +6,21 @@
 ///     start
 #pragma once
 
+#include <chrono>
+#include <condition_variable>
 #include <filesystem>
+#include <mutex>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
+#include <thread>
+#include <vector>
 
 #include "server/files.h"
 #include "server/queue.h"
 #include "server/worker.h"
 
 namespace radbake::server {
-
-/// A job as the service shows it: what the queue knows, and what its worker knows while it runs.
-struct JobView {
-  Job job;
-  std::optional<Live> live;
-};
 
 /// The folder of a job that is not queued yet. Removed again unless Jobs::Submit() took it.
 class Draft {
@@ -37,18 +36,37 @@ class Draft {
   bool taken_ = false;
 };
 
+/// What a client hands in with its files.
+struct Submission {
+  std::string owner;
+  std::string scene;  ///< relative to the job's folder
+  std::optional<IdempotencyKey> key;
+};
+
 /// Thread-safe.
 class Jobs {
  public:
+  struct Options {
+    Workers::Options workers;
+    std::chrono::milliseconds keep = std::chrono::hours(24);  ///< how long ended jobs are kept
+  };
+
   /// Takes the data folder (and makes it if need be), queues again what was running when its last server
-  /// ended, removes what belongs to no job, and starts the workers. Throws std::exception with what is wrong.
-  Jobs(const std::filesystem::path& data, const Workers::Options& options);
+  /// ended, removes what belongs to no job, and starts the workers. An ended job is forgotten, with its
+  /// files, when it has been kept long enough. Throws std::exception with what is wrong.
+  Jobs(const std::filesystem::path& data, const Options& options);
+  ~Jobs();
+  Jobs(const Jobs&) = delete;
+  Jobs& operator=(const Jobs&) = delete;
 
   Draft Begin();
-  /// Makes the draft's files durable, then queues the job. `scene` is relative to the job's folder. When this
-  /// returns, the job will be done, whatever happens to this process.
-  JobView Submit(Draft draft, const std::string& scene);
-  std::optional<JobView> Find(const std::string& id);
+  /// Makes the draft's files durable, then queues the job. When this returns, the job will be done, whatever
+  /// happens to this process. Where the key has come before, nothing is queued and the draft is dropped.
+  Added Submit(Draft draft, Submission submission);
+  /// A running job as its worker knows it.
+  std::optional<Job> Find(const std::string& id);
+  /// A page of jobs, newest first. How to go on is Cursor() of its last.
+  std::vector<Job> List(const Page& page);
   JobFiles Files(const std::string& id) const;
   /// False if the job has ended already or is not there.
   bool Cancel(const std::string& id);
@@ -56,13 +74,20 @@ class Jobs {
   bool Remove(const std::string& id);
 
  private:
+  void Forget();
+
   std::filesystem::path folder_;
+  std::chrono::milliseconds keep_;
   Descriptor lock_;
   std::optional<Queue> queue_;
   std::optional<Workers> workers_;
+  std::mutex mutex_;
+  std::condition_variable stopped_;
+  bool stopping_ = false;
+  std::thread forgetter_;
 };
 
 /// The job as JSON: the body of an answer.
-nlohmann::json ToJson(const JobView& view);
+nlohmann::json ToJson(const Job& job);
 
 }  // namespace radbake::server

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -16,6 +17,7 @@
 #include <filesystem>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <thread>
 
 #include "server/http.h"
@@ -24,7 +26,7 @@
 namespace {
 
 using radbake::server::HttpServer;
-using radbake::server::Workers;
+using radbake::server::Jobs;
 
 // What is opened first must not become somebody's standard output.
 void OpenStandardDescriptors() {
@@ -67,6 +69,21 @@ void ParseListen(const std::string& text, HttpServer::Options& options) {
   options.port = number;
 }
 
+// A whole number with its unit.
+std::chrono::seconds ParseDuration(const char* option, const std::string& text) {
+  constexpr std::string_view kUnits = "smhd";
+  constexpr std::array<std::int64_t, 4> kSeconds = {1, 60, 3600, 86400};
+  constexpr std::int64_t kMost = 1'000'000;
+  const std::size_t unit = text.empty() ? std::string_view::npos : kUnits.find(text.back());
+  std::int64_t number = 0;
+  const char* const last = text.data() + text.size() - (text.empty() ? 0 : 1);
+  const auto [end, error] = std::from_chars(text.data(), last, number);
+  if (unit == std::string_view::npos || error != std::errc() || end != last || number < 0 || number > kMost) {
+    throw CLI::ValidationError(option, "takes a whole number and its unit: 90s, 30m, 24h or 7d");
+  }
+  return std::chrono::seconds(number * kSeconds.at(unit));
+}
+
 sigset_t StopSignals() {
   sigset_t signals;
   sigemptyset(&signals);
@@ -75,15 +92,14 @@ sigset_t StopSignals() {
   return signals;
 }
 
-void Serve(const std::filesystem::path& data, const Workers::Options& workers,
-           const HttpServer::Options& http) {
+void Serve(const std::filesystem::path& data, const Jobs::Options& options, const HttpServer::Options& http) {
   const sigset_t signals = StopSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);  // for every thread to come
-  radbake::server::Jobs jobs(data, workers);
+  Jobs jobs(data, options);
   HttpServer server(jobs, http);
   std::printf("listening on %s\n", server.Url().c_str());
   std::fflush(stdout);
-  spdlog::info("radbaked {}: {} at a time, in {}", RADBAKE_VERSION, workers.count, data.string());
+  spdlog::info("radbaked {}: {} at a time, in {}", RADBAKE_VERSION, options.workers.count, data.string());
   std::thread listener([&] {
     if (!server.Listen()) {
       spdlog::error("the port is lost");
@@ -104,7 +120,8 @@ int main(int argc, char** argv) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("radbaked"));
   const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
   HttpServer::Options http;
-  Workers::Options workers;
+  Jobs::Options options;
+  radbake::server::Workers::Options& workers = options.workers;
   workers.count = static_cast<int>(std::max(1U, cores / 2));
   std::string listen = "127.0.0.1:8080";
   std::string data;
@@ -117,9 +134,12 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   app.add_option("--radbake", radbake, "The program that bakes")->capture_default_str();
-  app.add_option("--max-upload", http.max_upload, "Bytes that a request may have")->capture_default_str();
+  app.add_option("--max-upload", http.limits.upload, "Bytes that a request may have")->capture_default_str();
+  std::string keep = "24h";
+  app.add_option("--keep", keep, "How long ended jobs are kept: 90s, 30m, 24h, 7d")->capture_default_str();
   try {
     app.parse(argc, argv);
+    options.keep = ParseDuration("--keep", keep);
     ParseListen(listen, http);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
@@ -130,7 +150,7 @@ int main(int argc, char** argv) {
     if (::access(workers.radbake.c_str(), X_OK) != 0) {
       throw std::runtime_error("there is no program " + radbake + ": --radbake says where it is");
     }
-    Serve(data.empty() ? DefaultData() : std::filesystem::absolute(data), workers, http);
+    Serve(data.empty() ? DefaultData() : std::filesystem::absolute(data), options, http);
     return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "radbaked: %s\n", error.what());

@@ -1,31 +1,34 @@
 #include "server/problem.h"
 
+#include <array>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 namespace radbake::server {
 namespace {
 
+constexpr std::array<std::pair<int, const char*>, 14> kPhrases = {{{400, "Bad Request"},
+                                                                   {401, "Unauthorized"},
+                                                                   {403, "Forbidden"},
+                                                                   {404, "Not Found"},
+                                                                   {405, "Method Not Allowed"},
+                                                                   {408, "Request Timeout"},
+                                                                   {411, "Length Required"},
+                                                                   {413, "Content Too Large"},
+                                                                   {414, "URI Too Long"},
+                                                                   {415, "Unsupported Media Type"},
+                                                                   {416, "Range Not Satisfiable"},
+                                                                   {429, "Too Many Requests"},
+                                                                   {431, "Request Header Fields Too Large"},
+                                                                   {503, "Service Unavailable"}}};
+
 std::string Phrase(int status) {
-  switch (status) {
-    case 400:
-      return "Bad Request";
-    case 404:
-      return "Not Found";
-    case 405:
-      return "Method Not Allowed";
-    case 411:
-      return "Length Required";
-    case 414:
-      return "URI Too Long";
-    case 415:
-      return "Unsupported Media Type";
-    case 416:
-      return "Range Not Satisfiable";
-    case 503:
-      return "Service Unavailable";
-    default:
-      return status < 500 ? "Bad Request" : "Internal Server Error";
+  for (const auto& [known, phrase] : kPhrases) {
+    if (known == status) {
+      return phrase;
+    }
   }
+  return status < 500 ? "Bad Request" : "Internal Server Error";
 }
 
 Problem Kind(int status, const std::string& name, std::string title, std::string detail) {
@@ -52,6 +55,10 @@ Problem BadUpload(std::string detail) {
 
 Problem TooLarge(std::string detail) {
   return Kind(413, "too-large", "The upload is too large", std::move(detail));
+}
+
+Problem KeyReused(std::string detail) {
+  return Kind(422, "key-reused", "The idempotency key has come with another payload", std::move(detail));
 }
 
 Problem NoResult(std::string detail) {

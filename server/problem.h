@@ -22,6 +22,7 @@ Problem BadParameters(std::string detail);  ///< 422
 Problem BadScene(std::string detail);       ///< 422
 Problem BadUpload(std::string detail);      ///< 422: parts that are missing, twice there or badly named
 Problem TooLarge(std::string detail);       ///< 413
+Problem KeyReused(std::string detail);      ///< 422: an idempotency key with another payload
 Problem NoResult(std::string detail);       ///< 409: the job has not succeeded (yet)
 Problem AlreadyEnded(std::string detail);   ///< 409
 Problem BakeFailed(std::string detail);     ///< 500: no fault of the upload's that we know of

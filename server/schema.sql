@@ -5,11 +5,29 @@ CREATE TABLE IF NOT EXISTS jobs (
   status   TEXT    NOT NULL CHECK (status IN ('queued', 'running', 'succeeded', 'failed', 'canceled')),
   scene    TEXT    NOT NULL,                          -- the scene's file, relative to the job's folder
   crashes  INTEGER NOT NULL DEFAULT 0,                -- children that ended without an answer
-  progress REAL    NOT NULL DEFAULT 0,                -- 0 to 1, when it ended
+  progress REAL    NOT NULL DEFAULT 0,                -- 0 to 1, as last written down
   created  INTEGER NOT NULL,
   started  INTEGER,                                   -- of the newest attempt
   ended    INTEGER,
-  problem  TEXT                                       -- why it failed: problem details (RFC 9457) as JSON
+  problem  TEXT,                                      -- why it failed: problem details (RFC 9457) as JSON
+  owner    TEXT    NOT NULL DEFAULT '',               -- whose job it is
+  attempt  INTEGER NOT NULL DEFAULT 0,                -- how often it was taken by a worker
+  told     TEXT    NOT NULL DEFAULT '{}',             -- phase and statistics, as last written down: JSON
+  expires  INTEGER                                    -- when an ended job is forgotten
 ) STRICT;
 
 CREATE INDEX IF NOT EXISTS jobs_to_do ON jobs (sequence) WHERE status IN ('queued', 'running');
+CREATE INDEX IF NOT EXISTS jobs_of_owner ON jobs (owner, created, id);
+CREATE INDEX IF NOT EXISTS jobs_to_forget ON jobs (expires) WHERE expires IS NOT NULL;
+
+-- Idempotency keys, with a digest of the payload that each came with first.
+CREATE TABLE IF NOT EXISTS keys (
+  owner   TEXT    NOT NULL,
+  key     TEXT    NOT NULL,
+  digest  TEXT    NOT NULL,
+  job     TEXT    NOT NULL REFERENCES jobs (id) ON DELETE CASCADE,
+  created INTEGER NOT NULL,
+  PRIMARY KEY (owner, key)
+) STRICT;
+
+CREATE INDEX IF NOT EXISTS keys_of_job ON keys (job);

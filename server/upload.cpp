@@ -124,6 +124,7 @@ void Upload::BeginPart(const std::string& name, const std::string& filename) {
   }
   name_ = name;
   filename_ = filename;
+  part_digest_.emplace();
   kind_ = name == "scene" ? Kind::kScene : name == "parameters" ? Kind::kParameters : Kind::kResource;
   if ((kind_ == Kind::kScene && has_scene_) || (kind_ == Kind::kParameters && parameters_)) {
     throw ProblemError(BadUpload("there are two parts named " + Quoted(name)));
@@ -139,6 +140,7 @@ void Upload::BeginPart(const std::string& name, const std::string& filename) {
 }
 
 void Upload::Append(std::string_view bytes) {
+  part_digest_->Update(bytes);
   if (kind_ == Kind::kParameters) {
     if (parameters_->size() + bytes.size() > kMostParameters) {
       throw ProblemError(
@@ -155,6 +157,7 @@ void Upload::Append(std::string_view bytes) {
 }
 
 void Upload::EndPart() {
+  digests_.insert(part_digest_->Hex() + Sha256Hex(name_) + Sha256Hex(filename_));
   if (kind_ == Kind::kScene) {
     TakeScene();
   } else if (kind_ == Kind::kResource) {
@@ -181,6 +184,14 @@ std::string Upload::Finish() {
   parameters.Append(parameters_.value_or("{}"));
   parameters.Publish(files_.Parameters());
   return SceneFile().lexically_relative(files_.folder).string();
+}
+
+std::string Upload::Digest() const {
+  Sha256 all;
+  for (const std::string& digest : digests_) {
+    all.Update(digest);
+  }
+  return all.Hex();
 }
 
 void Upload::TakeScene() {

@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 
+#include "server/digest.h"
 #include "server/files.h"
 #include "server/jobs.h"
 
@@ -32,6 +33,9 @@ class Upload {
   /// can be used (written out, defaults too). Returns the scene's file, relative to the job's folder.
   std::string Finish();
 
+  /// After Finish(): the same for the same parts, whatever their order and whatever stood between them.
+  std::string Digest() const;
+
  private:
   enum class Kind { kNone, kScene, kParameters, kResource };
 
@@ -53,6 +57,8 @@ class Upload {
   std::string first_resource_;
   std::set<std::string> paths_;
   std::set<std::string> folders_;
+  std::optional<Sha256> part_digest_;
+  std::set<std::string> digests_;  ///< one a part
 };
 
 }  // namespace radbake::server

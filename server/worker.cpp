@@ -57,6 +57,15 @@ void ReadProgress(std::string_view line, Live& live) {
       live.statistics[key] = *value;
     }
   }
+  if (const auto iteration = told.find("iteration"); iteration != told.end() && iteration->is_object()) {
+    nlohmann::json& shown = live.statistics["iterations"];
+    if (shown.empty() || shown.back() != *iteration) {
+      shown.push_back(*iteration);
+    }
+    if (shown.size() > kIterationsShown) {
+      shown.erase(shown.begin());
+    }
+  }
 }
 
 Workers::Workers(Queue& queue, Options options, std::function<JobFiles(const std::string& id)> files)
@@ -156,18 +165,19 @@ void Workers::Bake(const Job& job, Running& running) {
     spdlog::error("job {}: {}", job.id, error.what());
     end = {-1, 0, ""};  // the client need not learn the server's paths
   }
-  const double progress = Find(job.id).value_or(Live()).progress;
+  Live live = Find(job.id).value_or(Live());
   Persist([&] {
     if (end.exit_code == kBaked) {
-      queue_.Finish(job.id, Status::kSucceeded, 1, std::nullopt);
+      live.progress = 1;
+      queue_.Finish(job.id, job.attempt, Status::kSucceeded, live, std::nullopt);
     } else if (end.exit_code == kBadInput) {
-      queue_.Finish(job.id, Status::kFailed, progress, BadScene(Reason(end)));
+      queue_.Finish(job.id, job.attempt, Status::kFailed, live, BadScene(Reason(end)));
     } else if (running.stop.raised()) {
-      queue_.Release(job.id, job.crashes);
+      queue_.Release(job.id, job.attempt, job.crashes);
     } else if (job.crashes + 1 < kAttempts) {
-      queue_.Release(job.id, job.crashes + 1);
+      queue_.Release(job.id, job.attempt, job.crashes + 1);
     } else {
-      queue_.Finish(job.id, Status::kFailed, progress,
+      queue_.Finish(job.id, job.attempt, Status::kFailed, live,
                     BakeFailed("gave up after " + std::to_string(kAttempts) + " attempts: the last " +
                                HowItEnded(end)));
     }

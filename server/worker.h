@@ -35,15 +35,12 @@ struct JobFiles {
   std::filesystem::path Statistics() const { return folder / "statistics.json"; }
 };
 
-/// What a running child has told last.
-struct Live {
-  std::string phase;
-  double progress = 0;
-  nlohmann::json statistics = nlohmann::json::object();  ///< "error", "seconds", "iteration", as far as told
-};
+/// So many of the last iterations are shown of a job.
+inline constexpr std::size_t kIterationsShown = 8;
 
 /// Takes over a line of `radbake bake --progress json`. A line that is none changes nothing; progress never
-/// falls.
+/// falls. The statistics get "error", "seconds", "iteration" (the newest) and "iterations" (the last ones,
+/// oldest first), as far as told.
 void ReadProgress(std::string_view line, Live& live);
 
 class Workers {

@@ -190,6 +190,22 @@ TEST_F(BakeTest, ForgetsADeletedJobWithItsFiles) {
   EXPECT_TRUE(std::filesystem::is_empty(data() / "jobs"));
 }
 
+TEST_F(BakeTest, ForgetsAnEndedJobInItsTime) {
+  const std::filesystem::path program = WriteProgram(folder() / "radbake", kBakes);
+  const Service service(data(), program, {1, std::chrono::milliseconds(500), Service::SmallLimits()});
+  const Client client = service.client();
+  const std::string job = client.PostScene();
+  EXPECT_TRUE(Eventually([&] { return client.Get(job).status == 404; }));
+  EXPECT_TRUE(Eventually([&] { return std::filesystem::is_empty(data() / "jobs"); }));
+}
+
+TEST_F(BakeTest, SaysWhenAJobWillBeForgotten) {
+  const Service service = Start("[ -e $test/go ] || exit 2; " + kBakes);
+  const nlohmann::json failed = service.client().WaitFor(service.client().PostScene(), "failed");
+  EXPECT_GT(failed.at("expires_at").get<std::string>(), failed.at("ended_at").get<std::string>());
+  EXPECT_EQ(failed.at("attempt"), 1);
+}
+
 TEST_F(BakeTest, QueuesAgainWhatRanWhenTheServiceStops) {
   std::string job;
   {

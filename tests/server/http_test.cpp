@@ -224,18 +224,20 @@ TEST_F(HttpTest, NamesTheMethodsOfAResource) {
     ExpectProblem(answer, 405, method);
     return answer.headers.contains("allow") ? answer.headers.at("allow") : "";
   };
-  EXPECT_EQ(allowed("GET", "/v1/bakes"), "POST");
+  EXPECT_EQ(allowed("PUT", "/v1/bakes"), "GET, HEAD, POST");
   EXPECT_EQ(allowed("PUT", kNoJob), "GET, HEAD, DELETE");
   EXPECT_EQ(allowed("PATCH", kNoJob + "/scene"), "GET, HEAD");
   EXPECT_EQ(allowed("GET", kNoJob + "/cancel"), "POST");
   EXPECT_EQ(allowed("OPTIONS", "/healthz"), "GET, HEAD");
-  EXPECT_EQ(allowed("TRACE", "/v1/bakes"), "POST");
+  EXPECT_EQ(allowed("TRACE", "/v1/bakes"), "GET, HEAD, POST");
 }
 
 TEST_F(HttpTest, AnswersWhatIsNoHttpWithAProblem) {
   ExpectProblem(Send(port(), "hello\r\n\r\n"), 400, "could not be read");
   ExpectProblem(Send(port(), "BREW /v1/bakes HTTP/1.1\r\n\r\n"), 400, "could not be read");
-  ExpectProblem(client().Request("GET", kNoJob, "Range: bytes=9-1\r\n"), 416, "could not be read");
+  ExpectProblem(client().Request("GET", kNoJob, "no header\r\n"), 400, "no header");
+  ExpectProblem(client().Request("GET", kNoJob, "Name : x\r\n"), 400, "no header");
+  ExpectProblem(client().Request("GET", kNoJob, "Range: bytes=9-1\r\n"), 404, "no such job");
 }
 
 TEST_F(HttpTest, TakesNothingOfABodyForTheNextRequest) {
@@ -286,15 +288,160 @@ TEST_F(HttpTest, HandsOutTheResult) {
   EXPECT_FALSE(client().Get(job).headers.contains("retry-after"));
 }
 
-TEST_F(HttpTest, ServesAWholeResultToWhoAsksForRanges) {
+TEST_F(HttpTest, ServesOneRangeOfAResult) {
   WriteFile(Go(), "");
   const std::string job = client().PostScene();
   client().WaitFor(job, "succeeded");
-  for (const char* range : {"bytes=0-3", "bytes=0-3,2-5,1-9", "bytes=90-99"}) {
-    const Answer answer = client().Request("GET", job + "/scene", std::string("Range: ") + range + "\r\n");
-    EXPECT_EQ(answer.status, 200);
-    EXPECT_EQ(answer.body, "glTF baked");
+  const auto get = [&](const std::string& headers) {
+    return client().Request("GET", job + "/scene", headers);
+  };
+  const Answer part = get("Range: bytes=2-5\r\n");
+  EXPECT_EQ(part.status, 206);
+  EXPECT_EQ(part.body, "TF b");
+  EXPECT_EQ(part.headers.at("content-range"), "bytes 2-5/10");
+  EXPECT_EQ(part.headers.at("content-length"), "4");
+  EXPECT_EQ(get("Range: bytes=-3\r\n").body, "ked");
+  EXPECT_EQ(get("Range: bytes=7-\r\n").body, "ked");
+  EXPECT_EQ(get("Range: bytes=7-99\r\n").body, "ked");
+  const Answer none = get("Range: bytes=10-\r\n");
+  EXPECT_EQ(none.status, 416);
+  EXPECT_EQ(none.headers.at("content-range"), "bytes */10");
+  // Overlapping ranges would multiply what is sent: several are served as the whole.
+  const Answer whole = get("Range: bytes=0-3,2-5,1-9\r\n");
+  EXPECT_EQ(whole.status, 200);
+  EXPECT_EQ(whole.body, "glTF baked");
+  EXPECT_EQ(whole.headers.at("accept-ranges"), "bytes");
+  EXPECT_EQ(get("Range: bytes=2-5\r\nIf-Range: " + whole.headers.at("etag") + "\r\n").status, 206);
+  EXPECT_EQ(get("Range: bytes=2-5\r\nIf-Range: \"other\"\r\n").status, 200);
+  EXPECT_EQ(client().Request("GET", job, "Range: bytes=0-1\r\n").status, 200) << "a job changes";
+}
+
+TEST_F(HttpTest, SendsAResultOnceToWhoKeepsItsTag) {
+  WriteFile(Go(), "");
+  const std::string job = client().PostScene();
+  client().WaitFor(job, "succeeded");
+  const std::string tag = client().Get(job + "/scene").headers.at("etag");
+  EXPECT_NE(tag, client().Get(job + "/statistics").headers.at("etag"));
+  const Answer same = client().Request("GET", job + "/scene", "If-None-Match: \"x\", " + tag + "\r\n");
+  EXPECT_EQ(same.status, 304);
+  EXPECT_EQ(same.body, "");
+  EXPECT_EQ(same.headers.at("etag"), tag);
+  EXPECT_FALSE(same.headers.contains("content-length"));
+  EXPECT_EQ(client().Request("GET", job + "/scene", "If-None-Match: \"x\"\r\n").status, 200);
+}
+
+TEST_F(HttpTest, PacksStatisticsForWhoTakesGzip) {
+  WriteFile(Go(), "");
+  const std::string job = client().PostScene();
+  client().WaitFor(job, "succeeded");
+  const Answer packed = client().Request("GET", job + "/statistics", "Accept-Encoding: br, gzip\r\n");
+  EXPECT_EQ(packed.status, 200);
+  EXPECT_EQ(packed.headers.at("content-encoding"), "gzip");
+  EXPECT_EQ(packed.headers.at("vary"), "Accept-Encoding");
+  EXPECT_EQ(packed.body.substr(0, 2), "\x1F\x8B");
+  const Answer plain = client().Get(job + "/statistics");
+  EXPECT_FALSE(plain.headers.contains("content-encoding"));
+  EXPECT_NE(plain.headers.at("etag"), packed.headers.at("etag"));
+  EXPECT_FALSE(client()
+                   .Request("GET", job + "/scene", "Accept-Encoding: gzip\r\n")
+                   .headers.contains("content-encoding"));
+}
+
+TEST_F(HttpTest, SaysThatThereIsNoLightmap) {
+  WriteFile(Go(), "");
+  const std::string job = client().PostScene();
+  client().WaitFor(job, "succeeded");
+  const Answer answer = client().Get(job + "/lightmap");
+  EXPECT_EQ(answer.status, 404);
+  EXPECT_THAT(answer.Json().at("detail").get<std::string>(), HasSubstr("no lightmap"));
+}
+
+TEST_F(HttpTest, ListsJobsInPagesNewestFirst) {
+  std::vector<std::string> jobs;
+  for (int i = 0; i < 5; ++i) {
+    jobs.push_back(client().PostScene());
+    // Jobs of one millisecond have no order but that of their ids.
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
+  client().WaitFor(jobs[0], "running");
+  std::vector<std::string> listed;
+  std::string path = "/v1/bakes?limit=2";
+  for (int page = 0; page < 3; ++page) {
+    const Answer answer = client().Get(path);
+    ASSERT_EQ(answer.status, 200) << answer.body;
+    const nlohmann::json shown = answer.Json();
+    for (const nlohmann::json& job : shown.at("bakes")) {
+      listed.push_back(job.at("links").at("self"));
+    }
+    path = shown.at("next").is_string() ? shown.at("next").get<std::string>() : "";
+    if (page == 0) {
+      client().Request("DELETE", jobs[3]);  // where the page ended
+    }
+  }
+  EXPECT_THAT(listed, ElementsAre(jobs[4], jobs[3], jobs[2], jobs[1], jobs[0]));
+  EXPECT_EQ(path, "");
+  const nlohmann::json running = client().Get("/v1/bakes?status=running").Json().at("bakes");
+  ASSERT_EQ(running.size(), 1U);
+  EXPECT_EQ(running[0].at("links").at("self"), jobs[0]);
+  EXPECT_TRUE(client().Get("/v1/bakes?status=failed").Json().at("bakes").empty());
+}
+
+TEST_F(HttpTest, NamesWhatAPageCannotTake) {
+  ExpectProblem(client().Get("/v1/bakes?status=done"), 400, "status is \"done\"");
+  ExpectProblem(client().Get("/v1/bakes?limit=0"), 400, "limit is \"0\"");
+  ExpectProblem(client().Get("/v1/bakes?limit=1001"), 400, "limit");
+  ExpectProblem(client().Get("/v1/bakes?limit=2x"), 400, "limit");
+  ExpectProblem(client().Get("/v1/bakes?after=x"), 400, "after");
+  ExpectProblem(client().Get("/v1/bakes?page=2"), 400, "\"page\"");
+}
+
+TEST_F(HttpTest, MakesOneJobOfARepeatedPost) {
+  const auto post = [&](const std::string& key, const std::string& scene) {
+    return client().Request("POST", "/v1/bakes",
+                            "Content-Type: model/gltf-binary\r\nIdempotency-Key: " + key +
+                                "\r\nContent-Length: " + std::to_string(scene.size()) + "\r\n",
+                            scene);
+  };
+  const Answer first = post("key-1", Glb("abc"));
+  ASSERT_EQ(first.status, 202) << first.body;
+  const Answer again = post("key-1", Glb("abc"));
+  EXPECT_EQ(again.status, 202);
+  EXPECT_EQ(again.headers.at("location"), first.headers.at("location"));
+  const Answer other = post("key-1", Glb("abd"));
+  EXPECT_EQ(other.status, 422);
+  EXPECT_EQ(other.Json().at("type"), "urn:radbake:problem:key-reused");
+  EXPECT_NE(post("key-2", Glb("abc")).headers.at("location"), first.headers.at("location"));
+  EXPECT_EQ(post("with space", Glb("abc")).status, 400);
+  EXPECT_EQ(post(std::string(256, 'k'), Glb("abc")).status, 400);
+  using Folders = std::filesystem::directory_iterator;
+  EXPECT_EQ(std::distance(Folders(data() / "jobs"), Folders()), 2)
+      << "nothing is left of the repeated uploads";
+  WriteFile(Go(), "");
+  client().WaitFor(first.headers.at("location"), "succeeded");
+  EXPECT_EQ(post("key-1", Glb("abc")).status, 200);
+  client().Request("DELETE", first.headers.at("location"));
+  EXPECT_NE(post("key-1", Glb("abc")).headers.at("location"), first.headers.at("location"));
+}
+
+TEST_F(HttpTest, TellsAPayloadByItsPartsAlone) {
+  const auto post = [&](const std::string& border, const std::vector<FormPart>& parts) {
+    std::string body;
+    for (const FormPart& part : parts) {
+      body += "--" + border + "\r\nContent-Disposition: form-data; name=\"" + part.name + "\"\r\n\r\n" +
+              part.content + "\r\n";
+    }
+    body += "--" + border + "--\r\n";
+    const Answer answer =
+        client().Request("POST", "/v1/bakes",
+                         "Idempotency-Key: form\r\nContent-Type: multipart/form-data; boundary=" + border +
+                             "\r\nContent-Length: " + std::to_string(body.size()) + "\r\n",
+                         body);
+    return answer.status;
+  };
+  EXPECT_EQ(post("one", {{"scene", Glb(), ""}, {"parameters", "{}", ""}}), 202);
+  EXPECT_EQ(post("two", {{"parameters", "{}", ""}, {"scene", Glb(), ""}}), 202);
+  EXPECT_EQ(post("one", {{"scene", Glb(), ""}, {"parameters", "{ }", ""}}), 422);
+  EXPECT_EQ(post("one", {{"scene", Glb(), ""}}), 422);
 }
 
 TEST_F(HttpTest, AnswersWhileUploadsStandStill) {

@@ -121,6 +121,20 @@ Descriptor Connect(int port, const std::string& bytes) {
   return connection;
 }
 
+bool ReceiveUntil(const Descriptor& connection, const std::string& end, std::string& text) {
+  const timeval minute{60, 0};
+  ::setsockopt(connection.get(), SOL_SOCKET, SO_RCVTIMEO, &minute, sizeof minute);
+  while (text.find(end) == std::string::npos) {
+    std::array<char, 65536> buffer{};
+    const ssize_t count = ::recv(connection.get(), buffer.data(), buffer.size(), 0);
+    if (count <= 0) {
+      return false;
+    }
+    text.append(buffer.data(), static_cast<std::size_t>(count));
+  }
+  return true;
+}
+
 Answer Send(int port, const std::string& bytes) {
   const Descriptor connection = Connect(port, bytes);
   std::string text;
@@ -178,10 +192,16 @@ std::string Glb(const std::string& rest) {
   return glb + rest;
 }
 
-Service::Service(const std::filesystem::path& data, const std::filesystem::path& radbake, int workers,
-                 std::uint64_t max_upload)
-    : jobs_(data, {radbake, workers, 1}),
-      server_(jobs_, {"127.0.0.1", 0, max_upload}),
+HttpLimits Service::SmallLimits() {
+  HttpLimits limits;
+  limits.upload = 1 << 20;
+  return limits;
+}
+
+Service::Service(const std::filesystem::path& data, const std::filesystem::path& radbake,
+                 const Options& options)
+    : jobs_(data, {{radbake, options.workers, 1}, options.keep}),
+      server_(jobs_, {"127.0.0.1", 0, options.limits}),
       listener_([this] { server_.Listen(); }) {}
 
 Service::~Service() {

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdint>
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -59,7 +59,10 @@ struct Answer {
 /// A connection to a port of this machine over which these bytes have been sent.
 Descriptor Connect(int port, const std::string& bytes);
 
-/// The same, and what comes back until the other side closes.
+/// Adds what comes to `text` until it holds `end`. False if the other side closes before, or after a minute.
+bool ReceiveUntil(const Descriptor& connection, const std::string& end, std::string& text);
+
+/// Connect(), and what comes back until the other side closes.
 Answer Send(int port, const std::string& bytes);
 
 struct FormPart {
@@ -91,8 +94,17 @@ std::string Glb(const std::string& rest = "");
 /// The service in this process.
 class Service {
  public:
-  Service(const std::filesystem::path& data, const std::filesystem::path& radbake, int workers = 1,
-          std::uint64_t max_upload = 1 << 20);
+  struct Options {
+    int workers = 1;
+    std::chrono::milliseconds keep = std::chrono::hours(1);
+    HttpLimits limits = SmallLimits();
+  };
+  /// As by default, but of uploads only a megabyte.
+  static HttpLimits SmallLimits();
+
+  Service(const std::filesystem::path& data, const std::filesystem::path& radbake, const Options& options);
+  Service(const std::filesystem::path& data, const std::filesystem::path& radbake, int workers = 1)
+      : Service(data, radbake, Options{workers, std::chrono::hours(1), SmallLimits()}) {}
   ~Service();
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;

@@ -13,7 +13,20 @@ TEST(Progress, TakesOverALine) {
   EXPECT_EQ(live.phase, "solve");
   EXPECT_EQ(live.progress, 0.42);
   EXPECT_EQ(live.statistics,
-            nlohmann::json::parse(R"({"error":0.05,"seconds":0.31,"iteration":{"pass":2}})"));
+            nlohmann::json::parse(
+                R"({"error":0.05,"seconds":0.31,"iteration":{"pass":2},"iterations":[{"pass":2}]})"));
+}
+
+TEST(Progress, KeepsTheLastIterations) {
+  Live live;
+  for (int pass = 0; pass < 10; ++pass) {
+    const std::string line = R"({"iteration":{"pass":)" + std::to_string(pass) + "}}";
+    ReadProgress(line, live);
+    ReadProgress(line, live);  // told again with another phase: the same iteration
+  }
+  ASSERT_EQ(live.statistics.at("iterations").size(), kIterationsShown);
+  EXPECT_EQ(live.statistics.at("iterations").front().at("pass"), 2);
+  EXPECT_EQ(live.statistics.at("iterations").back().at("pass"), 9);
 }
 
 TEST(Progress, NeverFallsAndStaysInItsRange) {

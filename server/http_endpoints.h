@@ -1,0 +1,64 @@
+/// The resources of the service. Each answer is made as: parse, validate, call.
+#pragma once
+
+#include <httplib.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <string>
+
+#include "server/http_request.h"
+#include "server/http_watchers.h"
+#include "server/jobs.h"
+
+namespace radbake::server {
+
+/// What becomes of the connection after the answer.
+struct Then {
+  enum class Kind {
+    kClose,
+    kWatch,  ///< the answer was the head of a stream of events
+    kHold    ///< there is no answer yet: `request` is asked instead when the job has ended
+  };
+  Kind kind = Kind::kClose;
+  Watchers::Place place;
+  std::string job;
+  std::string last;     ///< the event that the watcher has seen
+  std::string request;  ///< a head
+  std::chrono::steady_clock::time_point deadline;
+};
+
+void Answer(httplib::Response& response, const Problem& problem);
+/// The same, with the headers that go with a refusal of this request.
+void Refuse(const httplib::Request& request, httplib::Response& response, const Problem& problem);
+
+/// Thread-safe.
+class Endpoints {
+ public:
+  /// The jobs and the watchers must outlive this object.
+  Endpoints(Jobs& jobs, Watchers& watchers, const HttpLimits& limits)
+      : jobs_(jobs), watchers_(watchers), limits_(limits) {}
+
+  /// Throws ProblemError for what is wrong with the request before its body is read.
+  void Check(const httplib::Request& request) const { CheckHead(request, limits_.upload); }
+  /// Answers. Throws ProblemError where it cannot, and std::exception where the server fails.
+  Then Serve(const httplib::Request& request, httplib::Response& response, Body& body);
+
+ private:
+  Then Post(const httplib::Request& request, httplib::Response& response, Body& body);
+  void List(const httplib::Request& request, httplib::Response& response);
+  Then ServeJob(const httplib::Request& request, httplib::Response& response, const Target& target);
+  Then Get(const httplib::Request& request, httplib::Response& response, const Job& job);
+  Then Watch(const httplib::Request& request, httplib::Response& response, const Job& job);
+  void Cancel(httplib::Response& response, const std::string& id);
+  Then Hold(const httplib::Request& request, const Job& job, int status);
+  Job Need(const std::string& id);
+
+  Jobs& jobs_;
+  Watchers& watchers_;
+  HttpLimits limits_;
+  std::atomic<int> uploads_ = 0;
+};
+
+}  // namespace radbake::server

@@ -1,0 +1,6 @@
+-- A queue of version 1 becomes one of version 2.
+ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN attempt INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN told TEXT NOT NULL DEFAULT '{}';
+ALTER TABLE jobs ADD COLUMN expires INTEGER;
+UPDATE jobs SET expires = ended + 86400000 WHERE ended IS NOT NULL;
