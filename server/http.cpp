@@ -193,7 +193,7 @@ class HttpServer::Implementation {
     Connection& connection;
     Then then;
   };
-  static inline thread_local Task* task_ = nullptr;
+  static inline thread_local Task* current = nullptr;
 
   // The queue is shared by reference: tasks must be copyable.
   void Enqueue(Incoming incoming) {
@@ -209,9 +209,9 @@ class HttpServer::Implementation {
       return;
     }
     Task task{connection, {}};
-    task_ = &task;
+    current = &task;
     listener_.Process(connection);
-    task_ = nullptr;
+    current = nullptr;
     Then& then = task.then;
     if (then.kind == Then::Kind::kWatch) {
       watchers_.Watch(std::move(then.place), connection.TakeSocket(), then.job, then.last);
@@ -236,11 +236,11 @@ class HttpServer::Implementation {
   }
 
   void Dispatch(const Request& request, Response& response, const ContentReader* reader) {
-    Body body(request, reader, task_->connection, stopping_);
+    Body body(request, reader, current->connection, stopping_);
     try {
-      task_->then = endpoints_.Serve(request, response, body);
-      if (task_->then.kind == Then::Kind::kHold) {
-        task_->connection.Mute();
+      current->then = endpoints_.Serve(request, response, body);
+      if (current->then.kind == Then::Kind::kHold) {
+        current->connection.Mute();
       }
     } catch (const ProblemError& error) {
       body.Drain();

@@ -206,7 +206,7 @@ Job Endpoints::Need(const std::string& id) {
 
 Then Endpoints::ServeJob(const Request& request, Response& response, const Target& target) {
   const Job job = Need(target.id);
-  const auto send = [&](Result result) {
+  const auto send = [&](const Result& result) {
     if (job.status != Status::kSucceeded) {
       SetRetryAfter(response, job);
       const std::string reason = job.problem ? ": " + job.problem->detail : "";

@@ -29,14 +29,14 @@ std::string Told(const Live& live) {
 }
 
 // The two parts of a cursor: when the job was made, and its id.
-std::optional<std::pair<std::int64_t, std::string>> ParseCursor(std::string_view text) {
+std::optional<std::pair<std::int64_t, std::string>> ParseCursor(const std::string& text) {
   const std::size_t dash = std::min(text.find('-'), text.size());
   std::int64_t created = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + dash, created);
   if (error != std::errc() || end != text.data() + dash || dash + 1 >= text.size() || created < 0) {
     return std::nullopt;
   }
-  return std::pair(created, std::string(text.substr(dash + 1)));
+  return std::pair(created, text.substr(dash + 1));
 }
 
 [[noreturn]] void Fail(sqlite3* database) {
@@ -201,7 +201,7 @@ std::string Cursor(const Job& job) {
   return std::to_string(job.created.time_since_epoch().count()) + "-" + job.id;
 }
 
-bool IsCursor(std::string_view text) {
+bool IsCursor(const std::string& text) {
   return ParseCursor(text).has_value();
 }
 

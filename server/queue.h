@@ -89,7 +89,7 @@ struct Page {
 
 /// Where a page ends: opaque to clients. Holds its place when jobs around it are deleted.
 std::string Cursor(const Job& job);
-bool IsCursor(std::string_view text);
+bool IsCursor(const std::string& text);
 
 class QueueError : public std::runtime_error {
  public:
