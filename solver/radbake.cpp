@@ -1,12 +1,11 @@
 #include "solver/radbake.h"
 
-#include <oneapi/tbb/global_control.h>
-#include <oneapi/tbb/task_arena.h>
 #include <sys/resource.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <ctime>
 #include <utility>
 
 #include "solver/bake/emit.h"
@@ -39,11 +38,9 @@ std::size_t PeakBytes() {
   return static_cast<std::size_t>(usage.ru_maxrss) * 1024;
 }
 
-/// How many threads the current arena may have.
-double Threads() {
-  return std::min(
-      static_cast<double>(tbb::this_task_arena::max_concurrency()),
-      static_cast<double>(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism)));
+/// Of all threads of the process, so far. Unlike the time on the wall it knows no other process.
+double ProcessorSeconds() {
+  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
 }
 
 /// Tells the caller, keeps the clock, and decides when time is up.
@@ -144,11 +141,14 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
   watch.Report("solve", kImported);
   Hierarchy hierarchy(patches);
   const Visibility visibility(patches);
+  double processor_seconds = ProcessorSeconds();
+  const double first_processor_seconds = processor_seconds;
   const auto end_phase_of_rays = [&](const char* name) {
     end_phase(name);
-    const double before = std::exchange(statistics.ray_seconds, visibility.Counted().seconds);
-    const double thread_seconds = statistics.seconds.back().second * Threads();
-    statistics.ray_shares.emplace_back(name, (statistics.ray_seconds - before) / thread_seconds);
+    const double before = std::exchange(processor_seconds, ProcessorSeconds());
+    const double rays_before = std::exchange(statistics.ray_seconds, visibility.Counted().seconds);
+    const double spent = processor_seconds - before;
+    statistics.ray_shares.emplace_back(name, spent > 0 ? (statistics.ray_seconds - rays_before) / spent : 0);
   };
   SolveOptions solve_options = OptionsOf(parameters);
   solve_options.stop = [&](const Iteration& iteration) {
@@ -176,6 +176,8 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
   const MeshEnd end = mesh.Refine(mesh_options);
   const BakedScene baked = Emit(hierarchy, mesh, scene.surfaces.size(), parameters.exposure);
   end_phase_of_rays("gather");
+  statistics.ray_shares.emplace_back("all",
+                                     statistics.ray_seconds / (processor_seconds - first_processor_seconds));
 
   statistics.iterations = std::move(solution.iterations);
   statistics.estimated_error = std::hypot(mesh.error(), 0.5 * parameters.error);

@@ -35,7 +35,8 @@ struct Statistics {
   std::size_t peak_bytes = 0;                           ///< of the process
   std::uint64_t rays = 0;                               ///< of the bake, without the check's
   double ray_seconds = 0;                               ///< thread-seconds inside Embree (RayCaster::Seconds)
-  /// By phase that casts rays: the share of all its threads' time that is spent inside Embree, 0 to 1.
+  /// By phase that casts rays, and for these phases together ("all"): the share of the processor time of the
+  /// process that is spent inside Embree, 0 to 1.
   std::vector<std::pair<std::string, double>> ray_shares;
   struct {
     std::size_t vertices = 0;
@@ -49,7 +50,7 @@ struct Statistics {
 /// {version, parameters, scene {triangles, patches, materials, lights, ignored [{feature, reason}]},
 ///  iterations [see below], energy {emitted, absorbed, absorbed_by_backs, escaped: [r, g, b] in lm;
 ///  imbalance}, error {estimated, measured: see below, or null}, time {each phase and total: s}, memory
-///  {peak_bytes}, rays {count, seconds, share {solve, energy, gather: of the phase's time}}, output
+///  {peak_bytes}, rays {count, seconds, share {solve, energy, gather, all: of its processor time}}, output
 ///  {vertices, triangles, exposure: per cd/m²}, stopped_by "error" | "time_budget" | "limit",
 ///  warnings [string]}
 nlohmann::ordered_json ToJson(const Statistics& statistics);

@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 #include <oneapi/tbb/global_control.h>
 
+#include <algorithm>
 #include <cmath>
-#include <map>
 #include <string>
 #include <vector>
 
@@ -114,18 +114,19 @@ TEST(Bake, ReportsProgressThatNeverFallsAndStopsWhenTold) {
 }
 
 TEST(Bake, SaysWhatShareOfEachPhaseItsRaysTake) {
-  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
   const Statistics statistics = Bake(Ours("cornell-box.glb"), Asking(0.1, 0)).statistics;
-  std::map<std::string, double> seconds(statistics.seconds.begin(), statistics.seconds.end());
   std::vector<std::string> phases;
-  double sum = 0;
+  std::vector<double> shares;
   for (const auto& [phase, share] : statistics.ray_shares) {
     phases.push_back(phase);
+    shares.push_back(share);
     EXPECT_GT(share, 0) << phase;
-    sum += share * seconds[phase];
+    EXPECT_LT(share, 1) << phase;
   }
-  EXPECT_THAT(phases, ::testing::ElementsAre("solve", "energy", "gather"));
-  EXPECT_NEAR(sum, statistics.ray_seconds, 1e-6 * sum);
+  EXPECT_THAT(phases, ::testing::ElementsAre("solve", "energy", "gather", "all"));
+  // The whole lies between its parts.
+  EXPECT_LE(shares.back(), *std::max_element(shares.begin(), shares.end() - 1));
+  EXPECT_GE(shares.back(), *std::min_element(shares.begin(), shares.end() - 1));
 }
 
 TEST(Bake, StopsRefiningWhenTimeIsUp) {

@@ -165,9 +165,9 @@ std::string Complaint(const Scene& scene, const Json& statistics, bool checked, 
 
 /// Counters, of the last bake: `cpu` s of all threads; `core` s of wall time between import and export, in
 /// which rays are cast; `rays` of the bake, not the check's; `links`, `elements` (all nodes of the hierarchy)
-/// of the last pass; `vertices` of the output; `error%` measured; `imbalance%`; `embree%`: the share of the
-/// threads' time in `core` that is spent inside Embree, and `solve.embree%`, `energy.embree%`,
-/// `gather.embree%` of each phase's; `MB` at the peak, 10⁶ bytes.
+/// of the last pass; `vertices` of the output; `error%` measured; `imbalance%`; `solve.embree%`,
+/// `energy.embree%`, `gather.embree%` and, for the three, `all.embree%`: the share of the processor time that
+/// is spent inside Embree; `MB` at the peak, 10⁶ bytes.
 void Count(benchmark::State& state, const Json& statistics, const Run& run) {
   const auto counter = [&](const char* name, double value) { state.counters[name] = value; };
   const Json& time = statistics.at("time");
@@ -184,9 +184,7 @@ void Count(benchmark::State& state, const Json& statistics, const Run& run) {
     counter("error%", 100 * measured.at("relative_rms").get<double>());
   }
   counter("imbalance%", 100 * statistics.at("energy").at("imbalance").get<double>());
-  const Json& rays = statistics.at("rays");
-  counter("embree%", 100 * rays.at("seconds").get<double>() / (kThreads * core));
-  for (const auto& [phase, share] : rays.at("share").items()) {
+  for (const auto& [phase, share] : statistics.at("rays").at("share").items()) {
     state.counters[phase + ".embree%"] = 100 * share.get<double>();
   }
   counter("MB", 1e-6 * run.peak_bytes);
