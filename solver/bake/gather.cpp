@@ -55,6 +55,11 @@ Index Gatherer::SolverLeaf(Index element, const Vec3& x) const {
   return element;
 }
 
+bool Gatherer::IsSealed(const Vec3& x, Index leaf) const {
+  RayBatch batch(visibility_);
+  return visibility_.IsSealed(x, hierarchy_.PatchOf(leaf).normal, batch.rays);
+}
+
 Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale, QuasiRandom<2>& on_polygon,
                     QuasiRandom<3>& on_cluster) const {
   // A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters.

@@ -25,6 +25,9 @@ class Gatherer {
   /// `x`.
   Index SolverLeaf(Index element, const Vec3& x) const;
 
+  /// Does no light get to `x` in `leaf`, as under a body that stands there (Visibility::IsSealed)?
+  bool IsSealed(const Vec3& x, Index leaf) const;
+
   /// Irradiance, normalised, at `x` inside `leaf` = SolverLeaf(…, x). `x` must not lie on the leaf's outline.
   /// `key` seeds the shadow rays.
   Rgb Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const;

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 #include <numeric>
 
 #include "solver/transport/sampling.h"
@@ -50,6 +52,34 @@ bool ForEach(std::size_t count, const std::function<bool()>& stop, const Body& b
   return true;
 }
 
+/// The irradiance of the open neighbours of a sealed place.
+class Neighbours {
+ public:
+  void Add(const Rgb& irradiance) {
+    sum_ += irradiance;
+    ++count_;
+    if (Luminance(irradiance) < Luminance(darkest_)) {
+      darkest_ = irradiance;
+    }
+    brightest_ = std::max(brightest_, Luminance(irradiance));
+  }
+
+  /// Zero if there are none.
+  Rgb Cover() const {
+    constexpr double kMuch = 2;
+    if (count_ == 0) {
+      return Rgb::Zero();
+    }
+    return brightest_ > kMuch * Luminance(darkest_) ? darkest_ : Rgb(sum_ / count_);
+  }
+
+ private:
+  Rgb sum_ = Rgb::Zero();
+  Rgb darkest_ = Rgb::Constant(std::numeric_limits<double>::infinity());
+  double brightest_ = 0;
+  int count_ = 0;
+};
+
 struct Meeting {
   Index vertex;
   Index element;
@@ -76,12 +106,19 @@ OutputMesh::OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Lin
   std::iota(cut_.begin(), cut_.end(), Index{0});
 }
 
+void OutputMesh::GrowWithHierarchy() {
+  irradiance_.resize(hierarchy_.vertex_count(), kNotGathered);
+  sealed_.resize(hierarchy_.vertex_count(), 0);
+  centre_.resize(hierarchy_.size(), kNotGathered);
+  sealed_centre_.resize(hierarchy_.size(), 0);
+}
+
 void OutputMesh::Divide(Index element) {
   const Index first = hierarchy_.Divide(element);
-  irradiance_.resize(hierarchy_.vertex_count(), kNotGathered);
-  centre_.resize(hierarchy_.size(), kNotGathered);
+  GrowWithHierarchy();
   if (hierarchy_[element].CornerCount() == 4 && IsGathered(centre_[element])) {
     irradiance_[hierarchy_[first].corner[2]] = centre_[element];
+    sealed_[hierarchy_[first].corner[2]] = sealed_centre_[element];
     ++gathered_;
   }
 }
@@ -129,8 +166,7 @@ void OutputMesh::WalkEdges() {
       WalkEdge(corner[c], corner[(c + 1) % count], loops_[k]);
     }
   }
-  irradiance_.resize(hierarchy_.vertex_count(), kNotGathered);
-  centre_.resize(hierarchy_.size(), kNotGathered);
+  GrowWithHierarchy();
 }
 
 bool OutputMesh::GatherVertices(const std::function<bool()>& stop) {
@@ -158,6 +194,7 @@ bool OutputMesh::GatherVertices(const std::function<bool()>& stop) {
     const Index vertex = meetings[begin[v]].vertex;
     std::vector<Index> seen;
     Rgb sum = Rgb::Zero();
+    bool sealed = false;
     for (std::size_t k = begin[v]; k < begin[v + 1]; ++k) {
       const Index element = meetings[k].element;
       if (!IsLit(element)) {
@@ -168,11 +205,17 @@ bool OutputMesh::GatherVertices(const std::function<bool()>& stop) {
       const Vec3 x = hierarchy_.Point(vertex) +
                      kInside * (ElementCentre(hierarchy_, element) - hierarchy_.Point(vertex));
       const Index leaf = gatherer_.SolverLeaf(element, x);
-      if (std::find(seen.begin(), seen.end(), leaf) == seen.end()) {
-        seen.push_back(leaf);
-        sum += gatherer_.Irradiance(x, leaf, Hash(vertex));
+      if (std::find(seen.begin(), seen.end(), leaf) != seen.end()) {
+        continue;
       }
+      if (gatherer_.IsSealed(x, leaf)) {
+        sealed = true;
+        continue;
+      }
+      seen.push_back(leaf);
+      sum += gatherer_.Irradiance(x, leaf, Hash(vertex));
     }
+    sealed_[vertex] = sealed && seen.empty() ? 1 : 0;
     irradiance_[vertex] = seen.empty() ? sum : sum / static_cast<double>(seen.size());
   });
 }
@@ -192,7 +235,10 @@ bool OutputMesh::GatherCentres(const std::function<bool()>& stop) {
     const Polygon shape = hierarchy_.Shape(e);
     const Vec3 centre = ElementCentre(hierarchy_, e);
     const Vec3 x = centre + kOff * (0.6 * (shape[0] - centre) + 0.4 * (shape[1] - centre));
-    centre_[e] = gatherer_.Irradiance(x, gatherer_.SolverLeaf(e, x), Hash(~static_cast<std::uint64_t>(e)));
+    const Index leaf = gatherer_.SolverLeaf(e, x);
+    sealed_centre_[e] = gatherer_.IsSealed(x, leaf) ? 1 : 0;
+    centre_[e] = sealed_centre_[e] != 0 ? Rgb::Zero().eval()
+                                        : gatherer_.Irradiance(x, leaf, Hash(~static_cast<std::uint64_t>(e)));
   });
 }
 
@@ -216,7 +262,44 @@ std::vector<double> OutputMesh::SquaredErrors() {
   return errors;
 }
 
+void OutputMesh::CoverSealed() {
+  std::map<Index, Neighbours> by_vertex;
+  for (std::size_t k = 0; k < cut_.size(); ++k) {
+    const Index e = cut_[k];
+    const Loop& loop = loops_[k];
+    const bool fan = loop.size() > 3;
+    Neighbours of_centre;
+    for (std::size_t v = 0; v < loop.size(); ++v) {
+      if (sealed_[loop[v]] == 0) {
+        of_centre.Add(irradiance_[loop[v]]);
+        continue;
+      }
+      Neighbours& neighbours = by_vertex[loop[v]];
+      for (const std::size_t other : {(v + 1) % loop.size(), (v + loop.size() - 1) % loop.size()}) {
+        if (sealed_[loop[other]] == 0) {
+          neighbours.Add(irradiance_[loop[other]]);
+        }
+      }
+      if (fan && sealed_centre_[e] == 0) {
+        neighbours.Add(centre_[e]);
+      }
+    }
+    if (sealed_centre_[e] != 0) {
+      centre_[e] = of_centre.Cover();
+    }
+  }
+  for (const auto& [vertex, neighbours] : by_vertex) {
+    irradiance_[vertex] = neighbours.Cover();
+  }
+}
+
 MeshEnd OutputMesh::Refine(const MeshOptions& options) {
+  const MeshEnd end = DivideWhereItMatters(options);
+  CoverSealed();
+  return end;
+}
+
+MeshEnd OutputMesh::DivideWhereItMatters(const MeshOptions& options) {
   const double area = hierarchy_.patches().area;
   const std::function<bool()> stop = [&] { return options.stop && options.stop(error_, gathered_); };
   // The input's own vertices, whatever it takes: the least that there is to give.

@@ -24,6 +24,11 @@ enum class MeshEnd { kError, kLimit, kStopped };
 /// Irradiance at the vertices of a cut through the hierarchy. Vertices are shared by all elements of one
 /// smooth or flat surface that meet there; where a neighbour is divided further, its vertices on the common
 /// edge belong to both (no T-vertices, and no cracks even across creases).
+///
+/// Where a body stands on a surface, what lies under it is sealed: dark, and seen by nobody. A sealed vertex
+/// gets its open neighbours' irradiance, for the sake of the triangles that reach out from under the body:
+/// interpolated towards 0 they would show as dark teeth along its edge. Where the neighbours differ much, as
+/// on the two sides of a wall, it gets the darkest one's: no light leaks through.
 class OutputMesh {
  public:
   using Loop =
@@ -33,6 +38,7 @@ class OutputMesh {
 
   /// Divides the elements whose centre is farthest from what their corners interpolate to, worst first, until
   /// the estimated error of the whole is below the target. The same on any number of threads.
+  /// Once only.
   MeshEnd Refine(const MeshOptions& options);
 
   /// Estimated relative RMS error of the interpolation.
@@ -44,6 +50,8 @@ class OutputMesh {
   const Rgb& CentreIrradiance(Index element) const { return centre_[element]; }  ///< at ElementCentre()
 
  private:
+  MeshEnd DivideWhereItMatters(const MeshOptions& options);
+  void GrowWithHierarchy();
   void DivideUnseen(double area);
   void Divide(Index element);
   void WalkEdges();
@@ -51,6 +59,7 @@ class OutputMesh {
   bool GatherVertices(const std::function<bool()>& stop);
   bool GatherCentres(const std::function<bool()>& stop);
   std::vector<double> SquaredErrors();
+  void CoverSealed();
   bool IsLit(Index element) const { return lit_[hierarchy_[element].patch]; }
 
   Hierarchy& hierarchy_;
@@ -58,9 +67,11 @@ class OutputMesh {
   std::vector<bool> lit_;  // by patch: some link leads into it
   std::vector<Index> cut_;
   std::vector<Loop> loops_;
-  std::vector<bool> used_;       // by position: a corner of some element of the cut
-  std::vector<Rgb> irradiance_;  // by vertex; negative: not gathered yet
-  std::vector<Rgb> centre_;      // by element; negative: not gathered yet
+  std::vector<bool> used_;           // by position: a corner of some element of the cut
+  std::vector<Rgb> irradiance_;      // by vertex; negative: not gathered yet
+  std::vector<Rgb> centre_;          // by element; negative: not gathered yet
+  std::vector<char> sealed_;         // by vertex
+  std::vector<char> sealed_centre_;  // by element
   std::size_t gathered_ = 0;
   double error_ = 1;
 };

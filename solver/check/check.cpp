@@ -101,7 +101,9 @@ CheckSummary Check(const Scene& scene, const BakedTriangles& baked, const CheckO
 
   CheckSummary summary;
   std::vector<Reference> pilots(probes.size());
+  std::vector<char> hidden(probes.size());
   const std::size_t piloted = ForEach(order, options.stop, [&](std::size_t i) {
+    hidden[i] = tracer.IsHidden(probes[i]) ? 1 : 0;
     pilots[i] = Trace(tracer, probes[i], kPilotPaths, SubStream(stream(kPilot), i));
   });
   Rgb energy = Rgb::Zero();
@@ -129,7 +131,7 @@ CheckSummary Check(const Scene& scene, const BakedTriangles& baked, const CheckO
   };
   std::vector<Reference> references(probes.size());
   const std::size_t done = ForEach(order, options.stop, [&](std::size_t i) {
-    if (found[i]) {
+    if (found[i] && hidden[i] == 0) {
       references[i] = Trace(tracer, probes[i], paths_of(i), SubStream(stream(kMain), i));
     }
   });
@@ -138,7 +140,12 @@ CheckSummary Check(const Scene& scene, const BakedTriangles& baked, const CheckO
   std::ranges::sort(finished);
   std::vector<Comparison> comparisons;
   const double unit = std::numbers::pi * traced.brightest;
+  std::size_t seen = 0;
   for (const std::size_t i : finished) {
+    if (hidden[i] != 0) {
+      continue;
+    }
+    ++seen;
     if (found[i]) {
       const Reference& reference = references[i];
       comparisons.push_back({.baked = *found[i] / unit,
@@ -150,7 +157,7 @@ CheckSummary Check(const Scene& scene, const BakedTriangles& baked, const CheckO
   }
   summary.probes = done;
   summary.missing =
-      done == 0 ? 0 : static_cast<double>(done - comparisons.size()) / static_cast<double>(done);
+      seen == 0 ? 0 : static_cast<double>(seen - comparisons.size()) / static_cast<double>(seen);
   Compare(comparisons, summary);
   return summary;
 }

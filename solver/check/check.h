@@ -25,7 +25,7 @@ struct CheckOptions {
 
 /// Relative RMS error = ‖E_bake − E‖ / ‖E‖ over the baked surface by area and the three channels, the path
 /// tracer's own noise taken out. Probes where the bake has no surface count as `missing` and for nothing
-/// else. The intervals tell how far the same measurement with other probes and paths may lie; they know
+/// else; those that nobody sees, as on a floor under a body, for nothing at all. The intervals tell how far the same measurement with other probes and paths may lie; they know
 /// nothing of an error on a part of the surface so small that no probe met it.
 struct CheckSummary {
   std::size_t probes = 0;  ///< done, those where the bake is missing among them
@@ -36,7 +36,7 @@ struct CheckSummary {
   double error_high = 0;
   double bias = 0;           ///< mean of E_bake − E over mean of E
   double bias_interval = 0;  ///< half width of its 95 % interval
-  double missing = 0;        ///< share of probes where the bake has no surface
+  double missing = 0;        ///< share of the probes to be seen where the bake has no surface
   double noise = 0;          ///< RMS standard error of the references, relative to ‖E‖
 };
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <set>
 #include <tuple>
@@ -151,6 +152,54 @@ TEST(OutputMesh, LetsNoLightIntoAClosedBox) {
     for (const BakedVertex& vertex : baked.surfaces[s].front.vertices) {
       EXPECT_EQ(vertex.irradiance.maxCoeff(), 0) << scene.surfaces[s].name;
     }
+  }
+}
+
+/// A room with a box on its floor, whose vertices lie under the box, on its outline or in the open.
+class BoxOnAFloor {
+ public:
+  BoxOnAFloor(double low, double high) : low_(low), high_(high) {
+    Scene scene = testing::ShadowRoom();
+    scene.surfaces.resize(7);  // no slab
+    testing::AddBox(scene, 0, Vec3(low, 0, low), Vec3(high, 0.5, high), false);
+    SolvedScene solved(scene, Quick());
+    floor_ = scene.surfaces[0];
+    mesh_ = solved.Output(Fine()).surfaces[0].front;
+  }
+
+  const BakedMesh& mesh() const { return mesh_; }
+  /// Negative under the box, 0 on its outline.
+  double Outside(Index vertex) const {
+    const auto [x, y, z] = PlaceOf(floor_, mesh_.vertices[vertex]);
+    return std::max({low_ - x, x - high_, low_ - z, z - high_});
+  }
+
+ private:
+  double low_;
+  double high_;
+  Surface floor_;
+  BakedMesh mesh_;
+};
+
+TEST(OutputMesh, ShowsNoDarknessFromUnderABody) {
+  // Once across the elements of the floor, once along their edges.
+  for (const auto& [low, high] : {std::pair{0.47, 1.19}, std::pair{0.5, 1.0}}) {
+    const BoxOnAFloor box(low, high);
+    int reaching_out = 0;
+    for (const Triangle& triangle : box.mesh().triangles) {
+      double open = 0;
+      double covered = std::numeric_limits<double>::infinity();
+      for (const Index vertex : triangle) {
+        const double brightness = box.mesh().vertices[vertex].irradiance.maxCoeff();
+        box.Outside(vertex) > 1e-6 ? open = std::max(open, brightness)
+                                   : covered = std::min(covered, brightness);
+      }
+      if (open > 0 && std::isfinite(covered)) {
+        ++reaching_out;
+        EXPECT_GT(covered, 0.5 * open);
+      }
+    }
+    EXPECT_GT(reaching_out, 20);
   }
 }
 

@@ -64,6 +64,23 @@ TEST(Check, MeasuresABakeThatIsATenthTooDark) {
   EXPECT_NEAR(summary.bias, -0.1, 0.005);
 }
 
+TEST(Check, LeavesOutWhatNobodySeesUnderABody) {
+  // A furnace, with a glowing block on its floor; under that it is dark, whatever the bake says.
+  Scene scene = Furnace(0.5, 2);
+  const Vec3 low(0.2, 0.2, 0);
+  const Vec3 x = 0.5 * Vec3::UnitX();
+  const Vec3 y = 0.5 * Vec3::UnitY();
+  const Vec3 z = 0.5 * Vec3::UnitZ();
+  AddQuad(scene, 0, low + z, x, y);
+  AddQuad(scene, 0, low, z, y);
+  AddQuad(scene, 0, low + x, y, z);
+  AddQuad(scene, 0, low, x, z);
+  AddQuad(scene, 0, low + y, z, x);
+  const CheckSummary summary = Check(scene, UniformBake(scene, FurnaceIrradiance(0.5, 2)), Options(200));
+  EXPECT_LT(summary.error, 0.01);
+  EXPECT_EQ(summary.missing, 0);
+}
+
 // Every quad of the room in n by n cells of two triangles, at each of their own vertices a random error.
 struct NoisyBake {
   BakedTriangles baked;
