@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/gltf/builder_test.h"
+
 namespace radbake {
 namespace {
 
@@ -90,7 +92,7 @@ TEST(Bake, NamesWhatItDoesNotUse) {
 }
 
 TEST(Bake, SaysThatNothingEmits) {
-  EXPECT_THAT([] { Bake(Shared("living-room.glb"), Parameters()); },
+  EXPECT_THAT([] { Bake({gltf::OneTriangle().Glb(), {}}, Parameters()); },
               ::testing::ThrowsMessage<InputError>(::testing::HasSubstr("nothing in the scene emits light")));
 }
 
