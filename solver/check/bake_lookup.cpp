@@ -105,7 +105,7 @@ class PlaceTree {
 
 }  // namespace
 
-std::vector<std::optional<Rgb>> LookUp(const BakedTriangles& baked, const Normalization& normalization,
+std::vector<std::optional<Rgb>> LookUp(const BakedTriangles& baked, const UnitBox& normalization,
                                        std::span<const Place> places) {
   const PlaceTree tree(places);
   std::vector<std::optional<Rgb>> found(places.size());

@@ -7,7 +7,7 @@
 namespace radbake {
 namespace {
 
-Normalization Normalize(const Scene& scene) {
+UnitBox Normalize(const Scene& scene) {
   Eigen::AlignedBox3d box;
   for (const Surface& surface : scene.surfaces) {
     for (const Triangle& triangle : surface.triangles) {

@@ -11,7 +11,7 @@ namespace radbake {
 
 /// Moves and scales the world so that a scene's bounding box is centred on the origin and its longest side
 /// is 1.
-struct Normalization {
+struct UnitBox {
   Vec3 centre = Vec3::Zero();
   double scale = 1;
 
@@ -44,7 +44,7 @@ struct TracedScene {
   /// Throws InputError if the scene has no triangle of positive area.
   explicit TracedScene(const Scene& scene);
 
-  Normalization normalization;
+  UnitBox normalization;
   /// The largest radiance of any channel in cd/m²: of what emits, of the sky, and of a white surface that a
   /// light without area shines on from the scene's size away; 0 if nothing emits.
   double brightest = 0;

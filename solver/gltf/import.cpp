@@ -7,6 +7,7 @@
 #include "solver/gltf/features.h"
 #include "solver/gltf/lights.h"
 #include "solver/gltf/materials.h"
+#include "solver/scene/duplicates.h"
 
 namespace radbake::gltf {
 namespace {
@@ -42,6 +43,10 @@ class Importer {
     if (flat_ > 0) {
       imported_.scene.warnings.push_back(std::to_string(flat_) + " of " + std::to_string(triangles_) +
                                          " triangles have no area");
+    }
+    if (const std::size_t duplicates = DropDuplicates(imported_.scene); duplicates > 0) {
+      imported_.scene.warnings.push_back(std::to_string(duplicates) + " of " + std::to_string(triangles_) +
+                                         " triangles are duplicates of others: left out");
     }
     return std::move(imported_);
   }

@@ -32,7 +32,8 @@ RadiosityOperator::RadiosityOperator(const Hierarchy& hierarchy, const Rows& row
   from_lights_ = LeafValues::Zero(3, Column(count));
   for (std::size_t k = 0; k < count; ++k) {
     const Index leaf = rows.leaves()[k];
-    emission_.col(Column(k)) = hierarchy.PatchOf(leaf).emission;
+    // What a sealed part emits stays where it is: only the open one shoots.
+    emission_.col(Column(k)) = light.open[leaf] * hierarchy.PatchOf(leaf).emission;
     reflectance_.col(Column(k)) = hierarchy.PatchOf(leaf).reflectance;
     areas_[Column(k)] = hierarchy.IsSky(leaf) ? 0 : hierarchy[leaf].area;
     for (const Gathered& entry : rows[k]) {
