@@ -24,6 +24,9 @@ template <typename Value>
 using Words = std::span<const std::pair<std::string_view, Value>>;
 constexpr std::array kMethods{std::pair{std::string_view{"hierarchical"}, Method::kHierarchical},
                               std::pair{std::string_view{"adaptive"}, Method::kAdaptive}};
+constexpr std::array kClusterings{std::pair{std::string_view{"auto"}, Clustering::kAuto},
+                                  std::pair{std::string_view{"on"}, Clustering::kOn},
+                                  std::pair{std::string_view{"off"}, Clustering::kOff}};
 constexpr std::array kFinalGathers{std::pair{std::string_view{"auto"}, FinalGather::kAuto},
                                    std::pair{std::string_view{"on"}, FinalGather::kOn}};
 
@@ -122,9 +125,12 @@ constexpr std::array kSpecs{
     ParameterSpec{"basis", "constant", "order of the basis",
                   [](const Json& value, Parameters&) { return value == "constant"; },
                   [](const Parameters&) { return Json("constant"); }},
-    ParameterSpec{"clustering", "auto or off", "clusters above patches",
-                  [](const Json& value, Parameters&) { return value == "auto" || value == "off"; },
-                  [](const Parameters&) { return Json("off"); }},
+    ParameterSpec{"clustering", "auto, on or off",
+                  "clusters above patches; auto: where there are many patches",
+                  [](const Json& value, Parameters& p) {
+                    return ReadWord<Clustering>(value, kClusterings, p.clustering);
+                  },
+                  [](const Parameters& p) { return WriteWord<Clustering>(kClusterings, p.clustering); }},
     ParameterSpec{"final_gather", "auto or on", "the output's irradiance gathered anew at each vertex",
                   [](const Json& value, Parameters& p) {
                     return ReadWord<FinalGather>(value, kFinalGathers, p.final_gather);

@@ -13,6 +13,10 @@ namespace radbake {
 
 enum class Method { kHierarchical, kAdaptive };
 
+/// Whether the patches hang below clusters. kAuto: where there are so many that linking each to each costs
+/// more.
+enum class Clustering { kAuto, kOn, kOff };
+
 /// Whether the output's irradiance is gathered anew at each vertex from the links of the hierarchy. It always
 /// is so far: kAuto is kOn.
 enum class FinalGather { kAuto, kOn };
@@ -30,6 +34,7 @@ struct Parameters {
   double error = 0.02;                ///< 0.001 to 0.5: target of the relative RMS error
   std::optional<double> time_budget;  ///< seconds, above 0
   Method method = Method::kAdaptive;
+  Clustering clustering = Clustering::kAuto;
   FinalGather final_gather = FinalGather::kAuto;
   std::optional<double> exposure;  ///< nothing: auto
   Rgb environment = Rgb::Zero();   ///< radiance of a uniform sky in cd/m², 0 to 1e18

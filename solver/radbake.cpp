@@ -98,6 +98,13 @@ SolveOptions OptionsOf(const Parameters& parameters) {
   return options;
 }
 
+bool WantsClusters(const Parameters& parameters, std::size_t patches) {
+  // Where the links between all pairs begin to cost more than the rest.
+  constexpr std::size_t kMany = 400;
+  return parameters.clustering == Clustering::kOn ||
+         (parameters.clustering == Clustering::kAuto && patches > kMany);
+}
+
 MeshOptions MeshOptionsOf(const Parameters& parameters) {
   MeshOptions options;
   options.error = 0.5 * parameters.error;
@@ -129,17 +136,18 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
   statistics.warnings = scene.warnings;
   statistics.scene.ignored = scene.ignored;
   statistics.scene.materials = scene.materials.size();
-  statistics.scene.patches = patches.patches.size();
+  statistics.scene.patches = patches.surface_patches;
   for (const Surface& surface : scene.surfaces) {
     statistics.scene.triangles += surface.triangles.size();
   }
-  statistics.scene.lights = static_cast<std::size_t>(std::ranges::count_if(
-      patches.patches, [](const Patch& patch) { return patch.emission.maxCoeff() > 0; }));
+  statistics.scene.lights = static_cast<std::size_t>(
+      std::ranges::count_if(std::span(patches.patches).first(patches.surface_patches),
+                            [](const Patch& patch) { return patch.emission.maxCoeff() > 0; }));
   statistics.scene.lights += scene.lights.size() + ((scene.environment > 0).any() ? 1U : 0U);
   end_phase("import");
 
   watch.Report("solve", kImported);
-  Hierarchy hierarchy(patches);
+  Hierarchy hierarchy(patches, WantsClusters(parameters, patches.surface_patches));
   const Visibility visibility(patches);
   double processor_seconds = ProcessorSeconds();
   const double first_processor_seconds = processor_seconds;

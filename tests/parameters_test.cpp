@@ -84,7 +84,7 @@ TEST(Parameters, NameTheKeyAndWhatItTakesWhenAValueIsNotTaken) {
            {R"({"method": "two-level"})", "method", "hierarchical or adaptive"},
            {R"({"method": 1})", "method", "hierarchical or adaptive"},
            {R"({"basis": "linear"})", "basis", "takes constant"},
-           {R"({"clustering": "on"})", "clustering", "auto or off"},
+           {R"({"clustering": "sometimes"})", "clustering", "auto, on or off"},
            {R"({"final_gather": true})", "final_gather", "auto or on"},
            {R"({"output": {"kind": "lightmap"}})", "output.kind", "takes vertex"},
            {R"({"output": {"exposure": 0}})", "output.exposure", "auto or a number above 0"},

@@ -20,6 +20,17 @@ double DepthInside(const Polygon& polygon, const Vec3& x) {
   return depth;
 }
 
+/// How far the visibility of a point of the receiver may be from the link's: much where that is neither 0 nor
+/// 1.
+double Uncertainty(const Link& link) {
+  if (IsCluster(link.receiver)) {
+    return 1;
+  }
+  constexpr double kLeast = 0.1;
+  const double v = link.visibility;
+  return std::max(kLeast, 2 * std::sqrt(std::max(0.0, v * (1 - v))));
+}
+
 }  // namespace
 
 Gatherer::Gatherer(const Hierarchy& hierarchy, const Light& light, const Links& links,
@@ -61,11 +72,11 @@ bool Gatherer::IsSealed(const Vec3& x, Index leaf) const {
 }
 
 Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale, QuasiRandom<2>& on_polygon,
-                    QuasiRandom<3>& on_cluster) const {
+                    QuasiRandom<3>& on_cluster, std::uint64_t& key) const {
   // A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters.
   constexpr double kNegligible = 0.02;
   const bool self = link.receiver == link.shooter;
-  const Rgb shooting = self ? light_.clusters[link.shooter - kFirstCluster].mean
+  const Rgb shooting = self ? light_.cluster_radiosity[link.shooter - kFirstCluster].mean
                             : light_.Shooting(hierarchy_, link.shooter, x);
   const double unoccluded =
       self ? static_cast<double>(link.form_factor) : UnoccludedAt(hierarchy_, x, n, link.shooter);
@@ -77,13 +88,21 @@ Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale
     return open;
   }
   const double rays = std::min(1.0, share * Luminance(shooting) / scale) * options_.rays;
-  if (rays < kNegligible) {
-    return link.visibility * open;
+  const auto cast = [&](int count) {
+    return IsElement(link.shooter)
+               ? Rgb(visibility_.FromPoint(x, n, hierarchy_.Shape(link.shooter), on_polygon, count) * open)
+               : Rgb(FromNodeAt(hierarchy_, visibility_, x, n, link.shooter, on_cluster, count) * shooting);
+  };
+  const double worth = rays * Uncertainty(link) / kNegligible;
+  if (worth >= 1) {
+    return cast(std::max(1, static_cast<int>(std::lround(rays))));
   }
-  const int count = std::max(1, static_cast<int>(std::lround(rays)));
-  return IsElement(link.shooter)
-             ? Rgb(visibility_.FromPoint(x, n, hierarchy_.Shape(link.shooter), on_polygon, count) * open)
-             : Rgb(FromNodeAt(hierarchy_, visibility_, x, n, link.shooter, on_cluster, count) * shooting);
+  // Hundreds of such links may err the same way, as in a cavity of a cluster. A few of them cast a ray for
+  // all (Russian roulette).
+  key = Hash(key);
+  const Rgb expected = link.visibility * open;
+  return static_cast<double>(key >> 11U) * 0x1p-53 < worth ? Rgb(expected + (cast(1) - expected) / worth)
+                                                           : expected;
 }
 
 Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
@@ -95,7 +114,7 @@ Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
   Rgb sum = Rgb::Zero();
   const auto add = [&](Index receiver) {
     for (const Link& link : links_.Into(receiver)) {
-      sum += Along(link, x, n, scale, on_polygon, on_cluster);
+      sum += Along(link, x, n, scale, on_polygon, on_cluster, key);
     }
   };
   for (Index e = leaf; e != kNone; e = hierarchy_[e].parent) {
@@ -105,7 +124,7 @@ Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
   for (Index c = clusters.Above(hierarchy_[leaf].patch); c != kNone; c = clusters[c].parent) {
     add(ClusterNode(c));
   }
-  return sum;
+  return sum.max(0.0);
 }
 
 }  // namespace radbake

@@ -35,7 +35,7 @@ class Gatherer {
  private:
   /// What one link brings to `x`. `scale`: luminous irradiance that is worth all of GatherOptions::rays.
   Rgb Along(const Link& link, const Vec3& x, const Vec3& n, double scale, QuasiRandom<2>& on_polygon,
-            QuasiRandom<3>& on_cluster) const;
+            QuasiRandom<3>& on_cluster, std::uint64_t& key) const;
 
   const Hierarchy& hierarchy_;
   const Light& light_;

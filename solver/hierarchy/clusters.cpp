@@ -24,6 +24,9 @@ Eigen::AlignedBox3d BoxOf(const Patch& patch) {
 Clusters::Clusters(const Patches& patches)
     : order_(patches.surface_patches), above_(patches.surface_patches) {
   std::iota(order_.begin(), order_.end(), Index{0});
+  for (const Index patch : order_) {
+    basis_.push_back(CosineBasis(patches.patches[patch].normal));
+  }
   Build(patches, 0, static_cast<Index>(order_.size()), kNone);
   double area = 0;
   for (const Index patch : order_) {
@@ -35,6 +38,7 @@ void Clusters::Build(const Patches& patches, Index begin, Index end, Index paren
   const auto self = static_cast<Index>(clusters_.size());
   Cluster cluster;
   cluster.parent = parent;
+  cluster.depth = parent == kNone ? 0 : clusters_[parent].depth + 1;
   cluster.patches_begin = begin;
   cluster.patches_end = end;
   Eigen::AlignedBox3d box;
@@ -43,7 +47,7 @@ void Clusters::Build(const Patches& patches, Index begin, Index end, Index paren
     box.extend(BoxOf(patch));
     cluster.area += patch.area;
     cluster.reflectance = std::max(cluster.reflectance, patch.reflectance.maxCoeff());
-    cluster.extent += static_cast<float>(patch.area) * CosineBasis(patch.normal);
+    cluster.extent += static_cast<float>(patch.area) * basis_[order_[k]];
   }
   cluster.extent /= static_cast<float>(cluster.area);
   cluster.centre = box.center();

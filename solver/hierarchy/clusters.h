@@ -13,6 +13,7 @@ namespace radbake {
 
 struct Cluster {
   Index parent = kNone;  ///< cluster
+  std::uint32_t depth = 0;
   Vec3 centre = Vec3::Zero();
   double radius = 0;                     ///< of a sphere around everything below
   double area = 0;                       ///< of all patches below
@@ -41,6 +42,12 @@ class Clusters {
     const Cluster& c = clusters_[cluster];
     return std::span(children_).subspan(c.children_begin, c.children_end - c.children_begin);
   }
+  std::span<const Index> PatchesBelow(Index cluster) const {
+    const Cluster& c = clusters_[cluster];
+    return std::span(order_).subspan(c.patches_begin, c.patches_end - c.patches_begin);
+  }
+  /// CosineBasis of a patch's normal.
+  const CosineSum& BasisOf(Index patch) const { return basis_[patch]; }
   /// The cluster that a patch hangs below; kNone if there are no clusters.
   Index Above(Index patch) const { return clusters_.empty() ? kNone : above_[patch]; }
   /// The patch that holds the share `u` in [0, 1) of the cluster's area; `u` becomes the share of the patch.
@@ -54,6 +61,7 @@ class Clusters {
   std::vector<Index> order_;        // patches, those below one cluster in a row
   std::vector<double> cumulative_;  // area of order_[0 … k]
   std::vector<Index> above_;        // by patch
+  std::vector<CosineSum> basis_;    // by patch
 };
 
 }  // namespace radbake

@@ -1,8 +1,48 @@
 #include "solver/hierarchy/light.h"
 
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
 #include <cmath>
 
 namespace radbake {
+
+double Openness::Share(Index patch, std::uint32_t depth) const {
+  const auto& rays = blocked_at[patch];
+  return static_cast<double>(std::ranges::count_if(rays, [&](std::uint8_t at) { return at <= depth; })) /
+         static_cast<double>(kRays);
+}
+
+Rgb ClusterRadiosity::Towards(const CosineSum& basis, const CosineSum& aperture) const {
+  // A ratio of two sums of cosines over the same patches: the errors of the basis all but cancel, unless
+  // hardly anything is seen.
+  constexpr double kHardly = 0.02;
+  const double seen = Evaluate(aperture, basis);
+  return seen > kHardly * static_cast<double>(aperture[0]) ? Rgb(Evaluate(by_direction, basis) / seen) : mean;
+}
+
+ClusterRadiosity RadiosityOf(const Hierarchy& hierarchy, const Openness& openness, Index c,
+                             std::span<const Rgb> shooting) {
+  const Cluster& cluster = hierarchy.clusters()[c];
+  ClusterRadiosity result;
+  for (const Index patch : hierarchy.clusters().PatchesBelow(c)) {
+    const Rgb weighted = hierarchy[patch].area / cluster.area * shooting[patch];
+    result.mean += weighted;
+    const Rgb out = openness.Share(patch, cluster.depth) * weighted;
+    result.by_direction +=
+        (hierarchy.clusters().BasisOf(patch).matrix() * out.cast<float>().matrix().transpose()).array();
+  }
+  return result;
+}
+
+Vec3 DirectionTo(const Hierarchy& hierarchy, Index node, const Vec3& x) {
+  if (!IsPunctual(node)) {
+    return (hierarchy.Centre(node) - x).normalized();
+  }
+  const PunctualLight& light = hierarchy.patches().lights[node - kFirstPunctual];
+  return light.kind == PunctualLight::Kind::kDirectional ? Vec3(-light.direction)
+                                                         : Vec3((light.position - x).normalized());
+}
 
 Rgb Light::Shooting(const Hierarchy& hierarchy, Index node, const Vec3& x) const {
   if (IsElement(node)) {
@@ -11,14 +51,19 @@ Rgb Light::Shooting(const Hierarchy& hierarchy, Index node, const Vec3& x) const
   if (IsPunctual(node)) {
     return punctual[node - kFirstPunctual];
   }
-  // A ratio of two sums of cosines over the same patches: the errors of the basis all but cancel, unless
-  // hardly anything is seen.
-  constexpr double kHardly = 0.02;
   const Index cluster = node - kFirstCluster;
   const CosineSum basis = CosineBasis((x - hierarchy.clusters()[cluster].centre).normalized());
-  const double seen = Evaluate(hierarchy.clusters()[cluster].extent, basis);
-  return seen > kHardly ? Rgb(Evaluate(clusters[cluster].radiosity, basis).max(0.0) / seen)
-                        : clusters[cluster].mean;
+  return cluster_radiosity[cluster].Towards(basis, aperture[cluster]).max(0.0);
+}
+
+void Light::Pull(const Hierarchy& hierarchy) {
+  // Children come after their parents.
+  for (auto e = static_cast<Index>(radiosity.size()); e-- > 0;) {
+    if (!hierarchy[e].IsLeaf()) {
+      PullElement(hierarchy, e);
+    }
+  }
+  PullClusters(hierarchy);
 }
 
 void Light::PullElement(const Hierarchy& hierarchy, Index e) {
@@ -46,35 +91,22 @@ void Light::PullElement(const Hierarchy& hierarchy, Index e) {
   variation[e] = std::sqrt(variance);
 }
 
-void Light::PullCluster(const Hierarchy& hierarchy, Index c) {
-  ClusterLight& light = clusters[c];
-  const double area = hierarchy.clusters()[c].area;
-  light.radiosity.setZero();
-  light.mean.setZero();
-  double square = 0;
-  for (const Index child : hierarchy.clusters().Children(c)) {
-    Rgb mean;
-    double within = 0;
-    double share = 0;
-    if (IsCluster(child)) {
-      const ClusterLight& below = clusters[child - kFirstCluster];
-      share = hierarchy.clusters()[child - kFirstCluster].area / area;
-      light.radiosity += static_cast<float>(share) * below.radiosity;
-      mean = below.mean;
-      within = below.variation;
-    } else {
-      share = hierarchy[child].area / area;
-      mean = Shooting(child);
-      light.radiosity +=
-          ((static_cast<float>(share) * CosineBasis(hierarchy.PatchOf(child).normal)).matrix() *
-           mean.cast<float>().matrix().transpose())
-              .array();
-      within = variation[child];
-    }
-    light.mean += share * mean;
-    square += share * (std::pow(Luminance(mean), 2) + within * within);
+void Light::PullClusters(const Hierarchy& hierarchy) {
+  const Clusters& clusters = hierarchy.clusters();
+  std::vector<Rgb> shooting(clusters.empty() ? 0 : hierarchy.surface_root_count());
+  for (Index patch = 0; patch < shooting.size(); ++patch) {
+    shooting[patch] = Shooting(patch);
   }
-  light.variation = std::sqrt(std::max(0.0, square - std::pow(Luminance(light.mean), 2)));
+  tbb::parallel_for(Index{0}, static_cast<Index>(clusters.size()), [&](Index c) {
+    cluster_radiosity[c] = RadiosityOf(hierarchy, openness, c, shooting);
+    const double mean = Luminance(cluster_radiosity[c].mean);
+    double variance = 0;
+    for (const Index patch : clusters.PatchesBelow(c)) {
+      const double deviation = Luminance(shooting[patch]) - mean;
+      variance += hierarchy[patch].area * (deviation * deviation + variation[patch] * variation[patch]);
+    }
+    cluster_variation[c] = std::sqrt(variance / clusters[c].area);
+  });
 }
 
 void Light::PullOpen(const Hierarchy& hierarchy) {
@@ -90,18 +122,15 @@ void Light::PullOpen(const Hierarchy& hierarchy) {
       open[e] = open_area / area;
     }
   }
-  for (std::size_t k = clusters.size(); k-- > 0;) {
-    const auto c = static_cast<Index>(k);
-    clusters[c].aperture.setZero();
-    for (const Index child : hierarchy.clusters().Children(c)) {
-      const double area =
-          IsCluster(child) ? hierarchy.clusters()[child - kFirstCluster].area : hierarchy[child].area;
-      const auto share = static_cast<float>(area / hierarchy.clusters()[c].area);
-      clusters[c].aperture += IsCluster(child) ? CosineSum(share * clusters[child - kFirstCluster].aperture)
-                                               : CosineSum(share * static_cast<float>(open[child]) *
-                                                           CosineBasis(hierarchy.PatchOf(child).normal));
+  const Clusters& clusters = hierarchy.clusters();
+  tbb::parallel_for(Index{0}, static_cast<Index>(aperture.size()), [&](Index c) {
+    aperture[c].setZero();
+    for (const Index patch : clusters.PatchesBelow(c)) {
+      aperture[c] += static_cast<float>(hierarchy[patch].area / clusters[c].area * open[patch] *
+                                        openness.Share(patch, clusters[c].depth)) *
+                     clusters.BasisOf(patch);
     }
-  }
+  });
 }
 
 void Light::Extend(const Hierarchy& hierarchy) {
@@ -113,7 +142,10 @@ void Light::Extend(const Hierarchy& hierarchy) {
   irradiance.resize(hierarchy.size(), Rgb::Zero());
   variation.resize(hierarchy.size(), 0.0);
   open.resize(hierarchy.size(), 1.0);
-  clusters.resize(hierarchy.clusters().size());
+  const std::size_t clusters = hierarchy.clusters().size();
+  cluster_radiosity.resize(clusters);
+  cluster_variation.resize(clusters, 0.0);
+  aperture.resize(clusters, CosineSum::Zero());
   if (punctual.empty()) {
     for (const PunctualLight& light : hierarchy.patches().lights) {
       punctual.push_back(light.intensity);

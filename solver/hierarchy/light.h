@@ -1,22 +1,40 @@
 /// The light on the element hierarchy, in constants: one value a node, each the mean of its children by area.
 #pragma once
 
+#include <array>
+#include <span>
 #include <vector>
 
 #include "solver/hierarchy/hierarchy.h"
 
 namespace radbake {
 
-/// The light on a cluster, of the patches below it. What leaves and what arrives depend on the direction.
-struct ClusterLight {
-  CosineSum aperture = CosineSum::Zero();         ///< Σ A·open·y(n) / Σ A: the part that receives
-  RgbCosineSum radiosity = RgbCosineSum::Zero();  ///< Σ A·B·y(n) / Σ A, B that of the open parts
-  /// Σ y(d)·E⊥ over the links into the cluster and those above, E⊥ the irradiance of what faces direction d:
-  /// a patch below receives y(n) of it.
-  RgbCosineSum irradiance = RgbCosineSum::Zero();
-  Rgb mean = Rgb::Zero();  ///< of B by area
-  double variation = 0;    ///< RMS deviation of luminous B from its mean
+/// How open the patches are to what lies outside the clusters above them: the light of a link to a cluster
+/// does not reach the cavities inside it.
+struct Openness {
+  static constexpr std::size_t kRays = 16;
+  /// By patch, of rays that leave it with cosine-weighted directions: 0, or one more than the depth of the
+  /// deepest cluster above the patch whose sphere holds what the ray meets.
+  std::vector<std::array<std::uint8_t, kRays>> blocked_at;
+
+  /// The share of the patch's rays that come out of its ancestor at `depth`.
+  double Share(Index patch, std::uint32_t depth) const;
 };
+
+/// What leaves a cluster: it depends on the direction.
+struct ClusterRadiosity {
+  RgbCosineSum by_direction =
+      RgbCosineSum::Zero();  ///< Σ A·o·B·y(n) / Σ A over the patches below, o: openness
+  Rgb mean = Rgb::Zero();    ///< of B by area
+
+  /// The mean radiosity of what is seen from the direction with this CosineBasis. `aperture`: Light's. Linear
+  /// in B, so it may be a little below 0.
+  Rgb Towards(const CosineSum& basis, const CosineSum& aperture) const;
+};
+
+/// Of the patches below a cluster; `shooting` by patch.
+ClusterRadiosity RadiosityOf(const Hierarchy& hierarchy, const Openness& openness, Index cluster,
+                             std::span<const Rgb> shooting);
 
 /// Indexed by element, in normalised units.
 struct Light {
@@ -33,21 +51,31 @@ struct Light {
     return open[element] > 0 ? Rgb(radiosity[element] / open[element]) : Rgb::Zero();
   }
 
-  std::vector<ClusterLight> clusters;  ///< by cluster
-  std::vector<Rgb> punctual;           ///< intensities, by light: see PunctualLight
+  std::vector<Rgb> punctual;  ///< intensities, by light: see PunctualLight
+  // By cluster:
+  std::vector<ClusterRadiosity> cluster_radiosity;
+  std::vector<double> cluster_variation;  ///< as `variation`, over the patches below
+  std::vector<CosineSum> aperture;        ///< Σ A·o·y(n) / Σ A: what faces the light, and what is seen
+  Openness openness;                      ///< filled in by whoever makes the light
 
   /// What a receiver at `x` sees of any node: its radiosity in that direction, or the intensity.
   Rgb Shooting(const Hierarchy& hierarchy, Index node, const Vec3& x) const;
 
-  /// The means of an inner node from what is right below it.
-  void PullElement(const Hierarchy& hierarchy, Index element);
-  void PullCluster(const Hierarchy& hierarchy, Index cluster);
-  /// The share of each inner node that is open, from its leaves'.
+  /// Fills in everything above the leaves from the leaves' radiosity, irradiance and variation.
+  void Pull(const Hierarchy& hierarchy);
+  /// Fills in the open share of everything above the leaves from theirs.
   void PullOpen(const Hierarchy& hierarchy);
 
   /// Grows with the hierarchy: what is new starts with its parent's radiosity, a root with its emission;
   /// and open, until the solver has looked.
   void Extend(const Hierarchy& hierarchy);
+
+ private:
+  void PullElement(const Hierarchy& hierarchy, Index element);
+  void PullClusters(const Hierarchy& hierarchy);
 };
+
+/// Unit vector from `x` to the middle of a node or to a light.
+Vec3 DirectionTo(const Hierarchy& hierarchy, Index node, const Vec3& x);
 
 }  // namespace radbake

@@ -47,11 +47,11 @@ AdaptiveOracle::Shot AdaptiveOracle::ShotOf(const Hierarchy& hierarchy, const Li
     return {Luminance(light_.punctual[link.shooter - kFirstPunctual]), 0};
   }
   if (IsCluster(link.shooter)) {
-    const ClusterLight& cluster = light_.clusters[link.shooter - kFirstCluster];
+    const Index cluster = link.shooter - kFirstCluster;
     const Rgb seen = link.receiver == link.shooter
-                         ? cluster.mean
+                         ? light_.cluster_radiosity[cluster].mean
                          : light_.Shooting(hierarchy, link.shooter, hierarchy.Centre(link.receiver));
-    return {Luminance(seen), cluster.variation};
+    return {Luminance(seen), light_.cluster_variation[cluster]};
   }
   Index known = link.shooter;
   while (known >= light_.radiosity.size()) {

@@ -27,17 +27,6 @@ struct Ray {
   Vec3 direction;
 };
 
-Vec3 Around(const Vec3& axis, double cosine, double v) {
-  const double sine = std::sqrt(std::max(0.0, 1 - cosine * cosine));
-  const double angle = 2 * std::numbers::pi * v;
-  const Vec3 tangent = axis.unitOrthogonal();
-  return sine * (std::cos(angle) * tangent + std::sin(angle) * axis.cross(tangent)) + cosine * axis;
-}
-
-Vec3 CosineDirection(const Vec3& normal, double u, double v) {
-  return Around(normal, std::sqrt(1 - u), v);
-}
-
 /// Where power sets out: a leaf, a light, or a side of the box around the scene through which distant light
 /// comes in.
 struct Origin {

@@ -32,8 +32,7 @@ class ScaledSystem : public Eigen::EigenBase<ScaledSystem> {
   ScaledSystem(const RadiosityOperator& radiosity_operator, const Rgb& channels)
       : operator_(radiosity_operator), scale_(3, radiosity_operator.size()) {
     for (Eigen::Index k = 0; k < operator_.size(); ++k) {
-      const double area = operator_.areas()[k];
-      scale_.col(k) = (area > 0 ? std::sqrt(area) : 1) * (channels > 0).select(1 / channels, 1);
+      scale_.col(k) = std::sqrt(operator_.areas()[k]) * (channels > 0).select(1 / channels, 1);
     }
   }
 
@@ -71,10 +70,6 @@ double Relative(const Rgb& values, const Rgb& of) {
   return (of > 0).select(values / of, 0.0).maxCoeff();
 }
 
-LeafValues Irradiance(const RadiosityOperator& radiosity_operator, const LeafValues& radiosity) {
-  return radiosity_operator.from_lights() + radiosity_operator.Gather(radiosity);
-}
-
 LeafValues Reflected(const RadiosityOperator& radiosity_operator, const LeafValues& irradiance) {
   return radiosity_operator.emission() + radiosity_operator.reflectance() * irradiance;
 }
@@ -101,7 +96,7 @@ Convergence IterateByKrylov(const RadiosityOperator& radiosity_operator, const I
   Convergence convergence;
   LeafValues radiosity = radiosity_operator.Radiosity(light);
   for (;;) {
-    const LeafValues irradiance = Irradiance(radiosity_operator, radiosity);
+    const LeafValues irradiance = radiosity_operator.Gather(radiosity);
     ++convergence.applications;
     const LeafValues swept = Reflected(radiosity_operator, irradiance);
     const LeafValues residual = swept - radiosity;
@@ -124,7 +119,7 @@ Convergence IterateBySweeps(const RadiosityOperator& radiosity_operator, const I
   LeafValues radiosity = radiosity_operator.Radiosity(light);
   double previous = 0;
   for (;;) {
-    const LeafValues irradiance = Irradiance(radiosity_operator, radiosity);
+    const LeafValues irradiance = radiosity_operator.Gather(radiosity);
     ++convergence.applications;
     LeafValues swept = Reflected(radiosity_operator, irradiance);
     convergence.residual =

@@ -8,11 +8,13 @@
 namespace radbake {
 namespace {
 
-/// Children have higher indices than their parents.
-void PullElements(const Hierarchy& hierarchy, Light& light) {
+/// Calls `visit` with every node that is no leaf, children before their parents, which come first in the
+/// hierarchy.
+template <typename Visit>
+void ForEachParent(const Hierarchy& hierarchy, const Visit& visit) {
   for (auto e = static_cast<Index>(hierarchy.size()); e-- > 0;) {
     if (!hierarchy[e].IsLeaf()) {
-      light.PullElement(hierarchy, e);
+      visit(e, hierarchy[e].first_child);
     }
   }
 }
@@ -23,26 +25,22 @@ Eigen::Index Column(std::size_t leaf) {
 
 }  // namespace
 
-RadiosityOperator::RadiosityOperator(const Hierarchy& hierarchy, const Rows& rows, const Light& light)
-    : hierarchy_(hierarchy), rows_(rows), light_(light) {
+RadiosityOperator::RadiosityOperator(const Hierarchy& hierarchy, const Links& links, const Rows& rows,
+                                     const Light& light)
+    : hierarchy_(hierarchy), links_(links), rows_(rows), light_(light) {
   const std::size_t count = rows.leaves().size();
   emission_.resize(3, Column(count));
   reflectance_.resize(3, Column(count));
   areas_.resize(Column(count));
-  from_lights_ = LeafValues::Zero(3, Column(count));
   for (std::size_t k = 0; k < count; ++k) {
     const Index leaf = rows.leaves()[k];
     // What a sealed part emits stays where it is: only the open one shoots.
     emission_.col(Column(k)) = light.open[leaf] * hierarchy.PatchOf(leaf).emission;
     reflectance_.col(Column(k)) = hierarchy.PatchOf(leaf).reflectance;
-    areas_[Column(k)] = hierarchy.IsSky(leaf) ? 0 : hierarchy[leaf].area;
-    for (const Gathered& entry : rows[k]) {
-      if (IsPunctual(entry.shooter)) {
-        from_lights_.col(Column(k)) +=
-            static_cast<double>(entry.weight) * light.punctual[entry.shooter - kFirstPunctual];
-      }
-    }
+    areas_[Column(k)] = hierarchy[leaf].area;
   }
+  distant_ = Collect(Distant());
+  emission_ += reflectance_ * distant_;
 }
 
 LeafValues RadiosityOperator::Radiosity(const Light& light) const {
@@ -53,38 +51,125 @@ LeafValues RadiosityOperator::Radiosity(const Light& light) const {
   return radiosity;
 }
 
-LeafValues RadiosityOperator::Gather(const LeafValues& radiosity) const {
-  Light shooting;
-  shooting.open = light_.open;
-  shooting.radiosity.assign(hierarchy_.size(), Rgb::Zero());
-  shooting.irradiance = shooting.radiosity;
-  shooting.variation.assign(hierarchy_.size(), 0);
-  shooting.punctual.assign(light_.punctual.size(), Rgb::Zero());
-  for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
-    shooting.radiosity[rows_.leaves()[k]] = radiosity.col(Column(k));
-  }
-  PullElements(hierarchy_, shooting);
-
-  std::vector<Rgb> by_element(hierarchy_.size());
+RadiosityOperator::Shooters RadiosityOperator::Distant() const {
+  Shooters shooters;
+  shooters.elements.assign(hierarchy_.size(), Rgb::Zero());
   for (Index e = 0; e < hierarchy_.size(); ++e) {
-    by_element[e] = shooting.Shooting(e);
+    if (hierarchy_.IsSky(e)) {
+      shooters.elements[e] = hierarchy_.PatchOf(e).emission;
+    }
   }
-  LeafValues irradiance(3, size());
-  constexpr std::size_t kGrain = 64;
-  const std::size_t count = rows_.leaves().size();
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kGrain), [&](const auto& range) {
-    for (std::size_t k = range.begin(); k != range.end(); ++k) {
-      const Vec3 centre = hierarchy_.Centre(rows_.leaves()[k]);
-      Rgb sum = Rgb::Zero();
-      for (const Gathered& entry : rows_[k]) {
-        sum += static_cast<double>(entry.weight) *
-               (IsElement(entry.shooter) ? by_element[entry.shooter]
-                                         : shooting.Shooting(hierarchy_, entry.shooter, centre));
+  shooters.clusters.assign(hierarchy_.clusters().size(), {});
+  shooters.punctual = light_.punctual;
+  return shooters;
+}
+
+RadiosityOperator::Shooters RadiosityOperator::Surfaces(const LeafValues& radiosity) const {
+  Shooters shooters;
+  std::vector<Rgb>& elements = shooters.elements;
+  elements.assign(hierarchy_.size(), Rgb::Zero());
+  for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
+    elements[rows_.leaves()[k]] = radiosity.col(Column(k));
+  }
+  ForEachParent(hierarchy_, [&](Index e, Index first) {
+    double area = 0;
+    for (Index child = first; child < first + 4; ++child) {
+      elements[e] += hierarchy_[child].area * elements[child];
+      area += hierarchy_[child].area;
+    }
+    elements[e] /= area;
+  });
+  for (std::size_t e = 0; e < elements.size(); ++e) {
+    const double open = light_.open[e];
+    elements[e] = open > 0 ? Rgb(elements[e] / open) : Rgb::Zero();
+  }
+  shooters.clusters.resize(hierarchy_.clusters().size());
+  tbb::parallel_for(std::size_t{0}, shooters.clusters.size(), [&](std::size_t c) {
+    shooters.clusters[c] = RadiosityOf(hierarchy_, light_.openness, static_cast<Index>(c), elements);
+  });
+  shooters.punctual.assign(light_.punctual.size(), Rgb::Zero());
+  return shooters;
+}
+
+Rgb RadiosityOperator::Shooting(const Shooters& shooters, Index node, const Vec3& x) const {
+  if (IsElement(node)) {
+    return shooters.elements[node];
+  }
+  if (IsPunctual(node)) {
+    return shooters.punctual[node - kFirstPunctual];
+  }
+  const Index cluster = node - kFirstCluster;
+  const CosineSum basis = CosineBasis((x - hierarchy_.clusters()[cluster].centre).normalized());
+  return shooters.clusters[cluster].Towards(basis, light_.aperture[cluster]);
+}
+
+std::vector<RgbCosineSum> RadiosityOperator::CollectOnClusters(const Shooters& shooters) const {
+  const Clusters& clusters = hierarchy_.clusters();
+  std::vector<RgbCosineSum> incident(clusters.size(), RgbCosineSum::Zero());
+  const auto gather = [&](Index c) {
+    const CosineSum& aperture = light_.aperture[c];
+    for (const Link& link : links_.Into(ClusterNode(c))) {
+      const bool self = link.shooter == link.receiver;
+      const Rgb shooting =
+          self ? shooters.clusters[c].mean : Shooting(shooters, link.shooter, clusters[c].centre);
+      const Eigen::RowVector3f mean = (static_cast<double>(link.form_factor * link.visibility) * shooting)
+                                          .cast<float>()
+                                          .matrix()
+                                          .transpose();
+      // Light from one direction falls on the patches by their orientation; its mean over them is the link's.
+      constexpr double kHardly = 0.02;
+      if (!self) {
+        const CosineSum basis = CosineBasis(DirectionTo(hierarchy_, link.shooter, clusters[c].centre));
+        const double facing = Evaluate(aperture, basis);
+        if (facing > kHardly * static_cast<double>(aperture[0])) {
+          incident[c] += ((basis / static_cast<float>(facing)).matrix() * mean).array();
+          continue;
+        }
       }
-      irradiance.col(Column(k)) = sum;
+      if (aperture[0] > 0) {
+        incident[c].row(0) += mean.array() / aperture[0];
+      }
+    }
+  };
+  tbb::parallel_for(Index{0}, static_cast<Index>(clusters.size()), gather);
+  return incident;
+}
+
+std::vector<Rgb> RadiosityOperator::PushToPatches(const std::vector<RgbCosineSum>& incident) const {
+  const Clusters& clusters = hierarchy_.clusters();
+  std::vector<Rgb> irradiance(hierarchy_.surface_root_count(), Rgb::Zero());
+  tbb::parallel_for(Index{0}, static_cast<Index>(irradiance.size()), [&](Index patch) {
+    for (Index c = clusters.Above(patch); c != kNone; c = clusters[c].parent) {
+      if (!links_.Into(ClusterNode(c)).empty()) {
+        irradiance[patch] +=
+            light_.openness.Share(patch, clusters[c].depth) * Evaluate(incident[c], clusters.BasisOf(patch));
+      }
     }
   });
   return irradiance;
+}
+
+LeafValues RadiosityOperator::Collect(const Shooters& shooters) const {
+  const std::vector<Rgb> from_clusters = PushToPatches(CollectOnClusters(shooters));
+  LeafValues irradiance(3, size());
+  constexpr std::size_t kGrain = 64;
+  tbb::parallel_for(
+      tbb::blocked_range<std::size_t>(0, rows_.leaves().size(), kGrain), [&](const auto& range) {
+        for (std::size_t k = range.begin(); k != range.end(); ++k) {
+          const Index leaf = rows_.leaves()[k];
+          Rgb sum = light_.open[leaf] * from_clusters[hierarchy_[leaf].patch];
+          const Vec3 centre = hierarchy_.Centre(leaf);
+          for (const Gathered& entry : rows_[k]) {
+            sum += static_cast<double>(entry.weight) * Shooting(shooters, entry.shooter, centre);
+          }
+          irradiance.col(Column(k)) = sum;
+        }
+      });
+  return irradiance;
+}
+
+LeafValues RadiosityOperator::Gather(const LeafValues& radiosity) const {
+  return Collect(Surfaces(radiosity));
 }
 
 Rgb RadiosityOperator::Norm(const LeafValues& values) const {
@@ -98,12 +183,12 @@ Rgb RadiosityOperator::Norm(const LeafValues& values) const {
 void RadiosityOperator::Store(const LeafValues& irradiance, Light& light) const {
   for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
     const Index leaf = rows_.leaves()[k];
-    light.irradiance[leaf] = irradiance.col(Column(k));
+    light.irradiance[leaf] = (irradiance.col(Column(k)) + distant_.col(Column(k))).max(0.0);
     light.radiosity[leaf] =
-        emission_.col(Column(k)) + reflectance_.col(Column(k)) * irradiance.col(Column(k));
+        hierarchy_.PatchOf(leaf).emission + reflectance_.col(Column(k)) * light.irradiance[leaf];
     light.variation[leaf] = 0;
   }
-  PullElements(hierarchy_, light);
+  light.Pull(hierarchy_);
 }
 
 }  // namespace radbake

@@ -15,37 +15,52 @@ using LeafValues = Eigen::Array3Xd;
 class RadiosityOperator {
  public:
   /// All must outlive the operator and stay as they are, but for Store().
-  RadiosityOperator(const Hierarchy& hierarchy, const Rows& rows, const Light& light);
+  RadiosityOperator(const Hierarchy& hierarchy, const Links& links, const Rows& rows, const Light& light);
 
   Eigen::Index size() const { return emission_.cols(); }
-  const LeafValues& emission() const { return emission_; }        ///< π·L_e
+  /// π·L_e + ρ·(irradiance from the sky and from lights without area)
+  const LeafValues& emission() const { return emission_; }
   const LeafValues& reflectance() const { return reflectance_; }  ///< ρ
-  const LeafValues& from_lights() const { return from_lights_; }  ///< irradiance from lights without area
-  const Eigen::ArrayXd& areas() const { return areas_; }          ///< 0 of the sky's
+  const Eigen::ArrayXd& areas() const { return areas_; }
   double largest_reflectance() const { return reflectance_.size() > 0 ? reflectance_.maxCoeff() : 0; }
 
   /// The leaves' radiosities that `light` holds.
   LeafValues Radiosity(const Light& light) const;
 
-  /// K·B, the irradiance of the leaves from the leaves: one application. Linear, for radiosities of any sign:
-  /// Krylov methods apply it to differences. Pulls B up to means by area, and gathers
-  /// along each leaf's row (its links and its ancestors', pushed down to it).
+  /// K·B, the irradiance of the leaves from one another: one application. Linear. Pulls B up to means by area
+  /// and to clusters, gathers along each leaf's row (its links and its ancestors', pushed down to it), and
+  /// adds what clusters gathered, pushed down to the patches by their orientation.
   LeafValues Gather(const LeafValues& radiosity) const;
 
   /// The norm over the leaves by area, of each channel.
   Rgb Norm(const LeafValues& values) const;
 
-  /// Leaves the irradiance E, that from lights too, in `light`, and B = π·L_e + ρ·E; both, and the variation,
-  /// pulled up.
+  /// Leaves E = `irradiance` and that from the sky and the lights in `light`, and B = π·L_e + ρ·E; both, and
+  /// the variation, pulled up. What clusters push down may fall below 0 by their basis' error, and is cut.
   void Store(const LeafValues& irradiance, Light& light) const;
 
  private:
+  struct Shooters {
+    std::vector<Rgb> elements;  // radiosity of the open part
+    std::vector<ClusterRadiosity> clusters;
+    std::vector<Rgb> punctual;
+  };
+  Shooters Surfaces(const LeafValues& radiosity) const;
+  Shooters Distant() const;
+  Rgb Shooting(const Shooters& shooters, Index node, const Vec3& x) const;
+  /// By cluster, Σ y(d)·E⊥ over the links into it, E⊥ the irradiance of what faces direction d: a patch below
+  /// receives y(n) of it.
+  std::vector<RgbCosineSum> CollectOnClusters(const Shooters& shooters) const;
+  std::vector<Rgb> PushToPatches(const std::vector<RgbCosineSum>& incident) const;
+  LeafValues Collect(const Shooters& shooters) const;
+
   const Hierarchy& hierarchy_;
+  const Links& links_;
   const Rows& rows_;
   const Light& light_;
   LeafValues emission_;
+  LeafValues distant_;  // irradiance from the sky and from lights without area
   LeafValues reflectance_;
-  LeafValues from_lights_;
   Eigen::ArrayXd areas_;
 };
 

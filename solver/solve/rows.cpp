@@ -11,7 +11,7 @@ namespace radbake {
 
 Rows::Rows(const Hierarchy& hierarchy, const Links& links, const Light& light) : begin_(1, 0) {
   for (Index leaf = 0; leaf < hierarchy.size(); ++leaf) {
-    if (hierarchy[leaf].IsLeaf()) {
+    if (hierarchy[leaf].IsLeaf() && !hierarchy.IsSky(leaf)) {
       std::size_t count = 0;
       for (Index e = leaf; e != kNone; e = hierarchy[e].parent) {
         count += links.Into(e).size();

@@ -23,8 +23,8 @@ struct Gathered {
 /// in a closed convex room every row sums to 1, whatever the oracle kept.
 class Rows {
  public:
-  /// Of the leaves of `hierarchy`; `light` says which parts of elements are open. The same bits on any number
-  /// of threads.
+  /// Of the leaves of `hierarchy` that are on surfaces; `light` says which parts of elements are open. The
+  /// same bits on any number of threads.
   Rows(const Hierarchy& hierarchy, const Links& links, const Light& light);
 
   std::span<const Index> leaves() const { return leaves_; }

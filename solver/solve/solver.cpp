@@ -10,6 +10,7 @@
 #include "solver/refine/linker.h"
 #include "solver/solve/krylov.h"
 #include "solver/solve/radiosity_operator.h"
+#include "solver/transport/node_transport.h"
 #include "solver/transport/sampling.h"
 
 namespace radbake {
@@ -18,6 +19,17 @@ namespace {
 // Multigridding: the threshold of the first pass, and its fall from pass to pass.
 constexpr double kFirstThreshold = 0.05;
 constexpr double kThresholdFall = 4;
+
+/// Luminous power that the surfaces keep: all that is emitted, in a closed room; what of the sky and the sun
+/// comes in, in any.
+double AbsorbedPower(const Hierarchy& hierarchy, const Light& light) {
+  double power = 0;
+  for (Index root = 0; root < hierarchy.surface_root_count(); ++root) {
+    power +=
+        hierarchy[root].area * Luminance((1 - hierarchy.PatchOf(root).reflectance) * light.irradiance[root]);
+  }
+  return power;
+}
 
 class Solver {
  public:
@@ -28,6 +40,7 @@ class Solver {
         linker_(hierarchy, visibility, options.visibility_rays) {}
 
   Solution Run() {
+    solution_.light.openness = LookAround(hierarchy_, visibility_);
     linker_.LinkRoots();
     Extend();
     const double a_min = options_.a_min * hierarchy_.patches().area;
@@ -40,7 +53,8 @@ class Solver {
       while (!solution_.stopped && threshold > options_.w_min) {
         threshold = std::max(options_.w_min, threshold / kThresholdFall);
         ++now_.pass;
-        Refine(AdaptiveOracle(solution_.light, a_min, threshold));
+        Refine(
+            AdaptiveOracle(solution_.light, a_min, threshold * AbsorbedPower(hierarchy_, solution_.light)));
         // The next pass changes more than a fine solution of this one would.
         Iterate(threshold > options_.w_min ? std::max(options_.tolerance, 0.01) : options_.tolerance);
       }
@@ -61,25 +75,16 @@ class Solver {
     solution_.light.Extend(hierarchy_);
     tbb::parallel_for(known, hierarchy_.size(), [&](std::size_t e) {
       const auto element = static_cast<Index>(e);
-      solution_.light.open[e] = visibility_.OpenShare(hierarchy_.Shape(element), Hash(e), kPoints);
-    });
-    for (std::size_t e = hierarchy_.size(); e-- > 0;) {
-      const Element& element = hierarchy_[static_cast<Index>(e)];
-      if (!element.IsLeaf()) {
-        double open_area = 0;
-        double area = 0;
-        for (Index child = element.first_child; child < element.first_child + 4; ++child) {
-          open_area += hierarchy_[child].area * solution_.light.open[child];
-          area += hierarchy_[child].area;
-        }
-        solution_.light.open[e] = open_area / area;
+      if (!hierarchy_.IsSky(element)) {
+        solution_.light.open[e] = visibility_.OpenShare(hierarchy_.Shape(element), Hash(e), kPoints);
       }
-    }
+    });
+    solution_.light.PullOpen(hierarchy_);
   }
 
   void Iterate(double tolerance) {
     const Rows rows(hierarchy_, linker_.links(), solution_.light);
-    const RadiosityOperator radiosity_operator(hierarchy_, rows, solution_.light);
+    const RadiosityOperator radiosity_operator(hierarchy_, linker_.links(), rows, solution_.light);
     const auto note = [this](const Convergence& convergence) {
       now_.sweeps = convergence.applications;
       now_.residual = convergence.residual;

@@ -1,5 +1,7 @@
 #include "solver/transport/node_transport.h"
 
+#include <oneapi/tbb/parallel_for.h>
+
 #include <algorithm>
 #include <numbers>
 
@@ -129,6 +131,35 @@ NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibil
     result.variation = std::min(result.variation, 1.0);
   }
   return result;
+}
+
+Openness LookAround(const Hierarchy& hierarchy, const Visibility& visibility) {
+  const Clusters& clusters = hierarchy.clusters();
+  Openness openness;
+  openness.blocked_at.resize(clusters.empty() ? 0 : hierarchy.surface_root_count());
+  tbb::parallel_for(std::size_t{0}, openness.blocked_at.size(), [&](std::size_t p) {
+    const auto patch = static_cast<Index>(p);
+    const Polygon shape = hierarchy.Shape(patch);
+    QuasiRandom<4> random(Hash(p));
+    RayBatch batch(visibility);
+    for (std::uint8_t& at : openness.blocked_at[p]) {
+      const auto u = random.Next();
+      const Vec3 x = PointOn(shape, u[0], u[1]);
+      const Vec3 direction = CosineDirection(shape.normal, u[2], u[3]);
+      ++batch.rays;
+      const auto hit = visibility.caster().Closest(x, direction);
+      at = 0;
+      if (hit) {
+        const Vec3 y = x + hit->distance * direction;
+        Index c = clusters.Above(patch);
+        while (c != 0 && (y - clusters[c].centre).norm() > clusters[c].radius) {
+          c = clusters[c].parent;
+        }
+        at = static_cast<std::uint8_t>(std::min<std::uint32_t>(clusters[c].depth + 1, UINT8_MAX));
+      }
+    }
+  });
+  return openness;
 }
 
 bool ClearToLight(const Visibility& visibility, const Polygon& receiver, const PunctualLight& light) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "solver/hierarchy/hierarchy.h"
+#include "solver/hierarchy/light.h"
 #include "solver/transport/visibility.h"
 
 namespace radbake {
@@ -33,6 +34,9 @@ struct NodeTransport {
 /// may have missed.
 NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibility, Index receiver,
                            Index shooter, std::uint64_t key, int rays);
+
+/// What rays from the patches meet inside the clusters above them. Empty without clusters.
+Openness LookAround(const Hierarchy& hierarchy, const Visibility& visibility);
 
 /// Is it proved that nothing is between an element and a light without area?
 bool ClearToLight(const Visibility& visibility, const Polygon& receiver, const PunctualLight& light);

@@ -1,6 +1,15 @@
 #include "solver/transport/sampling.h"
 
+#include <numbers>
+
 namespace radbake {
+
+Vec3 Around(const Vec3& axis, double cosine, double v) {
+  const double sine = std::sqrt(std::max(0.0, 1 - cosine * cosine));
+  const double angle = 2 * std::numbers::pi * v;
+  const Vec3 tangent = axis.unitOrthogonal();
+  return sine * (std::cos(angle) * tangent + std::sin(angle) * axis.cross(tangent)) + cosine * axis;
+}
 
 Vec3 PointOn(const Polygon& polygon, double u, double v) {
   // The triangle of the fan that holds the share u of the area, and u stretched over it.

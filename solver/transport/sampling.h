@@ -58,6 +58,14 @@ class QuasiRandom {
   std::array<double, D> at_;
 };
 
+/// A unit vector around `axis` at an angle of this cosine, turned by the share `v` of a full circle.
+Vec3 Around(const Vec3& axis, double cosine, double v);
+
+/// A direction from a surface with unit `normal`, cosine-weighted if u and v are uniform in [0, 1).
+inline Vec3 CosineDirection(const Vec3& normal, double u, double v) {
+  return Around(normal, std::sqrt(1 - u), v);
+}
+
 /// A point of a convex polygon, uniform by area if u and v are uniform in [0, 1).
 Vec3 PointOn(const Polygon& polygon, double u, double v);
 
