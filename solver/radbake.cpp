@@ -115,7 +115,7 @@ MeshOptions MeshOptionsOf(const Parameters& parameters) {
 
 GatherOptions GatherOptionsOf(const Parameters& parameters) {
   GatherOptions options;
-  options.rays = std::clamp(static_cast<int>(std::lround(2 / parameters.error)), 8, 1024);
+  options.rays = std::clamp(static_cast<int>(std::lround(2 / parameters.error)), 64, 1024);
   return options;
 }
 

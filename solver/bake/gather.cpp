@@ -78,31 +78,37 @@ Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale
   const bool self = link.receiver == link.shooter;
   const Rgb shooting = self ? light_.cluster_radiosity[link.shooter - kFirstCluster].mean
                             : light_.Shooting(hierarchy_, link.shooter, x);
+  const double most = std::min(1.0, Luminance(shooting) / scale * link.form_factor) * options_.rays;
+  // Hundreds of links that hardly matter may err the same way, as in a cavity of a cluster: a few of them
+  // cast a ray for all (Russian roulette).
+  double chance = 1;
+  if (!link.clear) {
+    chance = std::min(1.0, most * Uncertainty(link) / kNegligible);
+    key = Hash(key);
+    if (static_cast<double>(key >> 11U) * 0x1p-53 >= chance) {
+      chance = 0;
+    }
+  }
+  if (chance == 0 && link.visibility == 0) {
+    return Rgb::Zero();
+  }
   const double unoccluded =
       self ? static_cast<double>(link.form_factor) : UnoccludedAt(hierarchy_, x, n, link.shooter);
   const Rgb open = unoccluded * shooting;
-  // A part of a cluster may be in sight where its middle is not.
-  const double share =
-      IsCluster(link.shooter) ? std::max(unoccluded, static_cast<double>(link.form_factor)) : unoccluded;
-  if (link.clear || !(share > 0)) {
+  if (link.clear) {
     return open;
   }
-  const double rays = std::min(1.0, share * Luminance(shooting) / scale) * options_.rays;
-  const auto cast = [&](int count) {
-    return IsElement(link.shooter)
-               ? Rgb(visibility_.FromPoint(x, n, hierarchy_.Shape(link.shooter), on_polygon, count) * open)
-               : Rgb(FromNodeAt(hierarchy_, visibility_, x, n, link.shooter, on_cluster, count) * shooting);
-  };
-  const double worth = rays * Uncertainty(link) / kNegligible;
-  if (worth >= 1) {
-    return cast(std::max(1, static_cast<int>(std::lround(rays))));
-  }
-  // Hundreds of such links may err the same way, as in a cavity of a cluster. A few of them cast a ray for
-  // all (Russian roulette).
-  key = Hash(key);
   const Rgb expected = link.visibility * open;
-  return static_cast<double>(key >> 11U) * 0x1p-53 < worth ? Rgb(expected + (cast(1) - expected) / worth)
-                                                           : expected;
+  if (chance == 0) {
+    return expected;
+  }
+  const double share = std::min(1.0, Luminance(open) / scale);
+  const int rays = chance < 1 ? 1 : std::max(1, static_cast<int>(std::lround(share * options_.rays)));
+  const Rgb seen =
+      IsElement(link.shooter)
+          ? Rgb(visibility_.FromPoint(x, n, hierarchy_.Shape(link.shooter), on_polygon, rays) * open)
+          : Rgb(FromNodeAt(hierarchy_, visibility_, x, n, link.shooter, on_cluster, rays) * shooting);
+  return expected + (seen - expected) / chance;
 }
 
 Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {

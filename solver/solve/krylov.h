@@ -1,4 +1,4 @@
-/// How the linear system (I − ρK)·B = π·L_e is solved: by a Krylov method, or by plain sweeps.
+/// How the linear system (I − ρK)·B = π·L_e + ρ·E_distant is solved: by a Krylov method, or by plain sweeps.
 #pragma once
 
 #include <functional>
@@ -9,7 +9,7 @@ namespace radbake {
 
 struct Convergence {
   std::size_t applications = 0;  ///< of the operator
-  double residual = 0;  ///< ‖π·L_e + ρ·K·B − B‖ / ‖B‖ of the B that was last applied, of the worst channel
+  double residual = 0;  ///< ‖π·L_e + ρ·E − B‖ / ‖B‖ of the B that was last applied, of the worst channel
 };
 
 struct IterationOptions {
