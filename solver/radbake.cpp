@@ -89,8 +89,9 @@ SolveOptions OptionsOf(const Parameters& parameters) {
   const bool adaptive = parameters.method == Method::kAdaptive;
   options.refinement = adaptive ? Refinement::kAdaptive : Refinement::kHierarchical;
   // Fitted so that what the elements' constants leave in the final irradiance is a small part of the target.
+  // A_min only ends what would not: W_min must decide, down to the narrow gap between a lamp and its ceiling.
   options.a_min =
-      parameters.oracle.a_min.value_or(adaptive ? std::clamp(1e-3 * parameters.error, 1e-7, 1e-3)
+      parameters.oracle.a_min.value_or(adaptive ? std::clamp(1e-4 * parameters.error, 1e-8, 1e-3)
                                                 : std::clamp(0.02 * parameters.error, 1e-6, 1e-2));
   options.f_max = parameters.oracle.f_max.value_or(std::clamp(3 * parameters.error, 1e-3, 0.5));
   options.w_min = parameters.oracle.w_min.value_or(std::clamp(0.005 * parameters.error, 1e-8, 1e-2));
