@@ -52,6 +52,7 @@ struct Launch {
   int output;
   int error;
   unsigned highest_descriptor;
+  const Sandbox* sandbox;
 };
 
 [[noreturn]] void BecomeProgram(const Launch& launch) {
@@ -66,12 +67,13 @@ struct Launch {
   if (::dup2(launch.input, 0) < 0 || ::dup2(launch.output, 1) < 0 || ::dup2(launch.error, 2) < 0) {
     ::_exit(127);
   }
+  const bool confined = launch.sandbox->Enter();
   if (::syscall(SYS_close_range, 3U, ~0U, 0U) != 0) {
     for (unsigned descriptor = 3; descriptor < launch.highest_descriptor; ++descriptor) {
       ::close(static_cast<int>(descriptor));
     }
   }
-  if (::chdir(launch.folder) == 0) {
+  if (confined && ::chdir(launch.folder) == 0) {
     ::execv(launch.program, launch.arguments);
   }
   constexpr std::string_view kMessage = "the program could not be started\n";
@@ -162,25 +164,31 @@ class Process {
   Descriptor handle_;
 };
 
-// SIGTERM when asked to stop, SIGKILL when that has not helped.
+// SIGTERM when asked to stop or when the time is up, SIGKILL when that has not helped.
 class Stopper {
  public:
-  explicit Stopper(const StopSignal& stop) : stop_(&stop) {}
+  Stopper(const StopSignal& stop, std::chrono::seconds time)
+      : stop_(&stop), deadline_(time.count() > 0 ? Clock::now() + time : Clock::time_point::max()) {}
+
+  bool late() const { return late_; }
 
   int descriptor() const { return terminated_ ? -1 : stop_->descriptor(); }
   int timeout() const {
-    if (!terminated_ || killed_) {
+    if (killed_ || deadline_ == Clock::time_point::max()) {
       return -1;
     }
+    constexpr std::chrono::milliseconds::rep kLongest = 60'000;
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline_ - Clock::now());
-    return static_cast<int>(std::max<std::chrono::milliseconds::rep>(left.count(), 0));
+    return static_cast<int>(std::clamp<std::chrono::milliseconds::rep>(left.count(), 0, kLongest));
   }
   void Act(const Process& process) {
-    if (!terminated_ && stop_->raised()) {
+    const bool due = Clock::now() >= deadline_;
+    if (!terminated_ && (due || stop_->raised())) {
+      late_ = due;
       terminated_ = true;
       deadline_ = Clock::now() + kGrace;
       process.Kill(SIGTERM);
-    } else if (terminated_ && !killed_ && Clock::now() >= deadline_) {
+    } else if (terminated_ && !killed_ && due) {
       killed_ = true;
       process.Kill(SIGKILL);
     }
@@ -190,7 +198,8 @@ class Stopper {
   const StopSignal* stop_;
   bool terminated_ = false;
   bool killed_ = false;
-  Clock::time_point deadline_;
+  bool late_ = false;
+  Clock::time_point deadline_;  // of what comes next
 };
 
 }  // namespace
@@ -228,6 +237,7 @@ ChildEnd RunChild(const ChildCommand& command, const std::function<void(std::str
   }
   auto [output, output_end] = Pipe();
   auto [error, error_end] = Pipe();
+  const Sandbox sandbox(command.limits, command.program, command.folder);
   rlimit limit{};
   ::getrlimit(RLIMIT_NOFILE, &limit);
   const Launch launch = {command.program.c_str(),
@@ -237,7 +247,8 @@ ChildEnd RunChild(const ChildCommand& command, const std::function<void(std::str
                          input.get(),
                          output_end.get(),
                          error_end.get(),
-                         static_cast<unsigned>(std::min<rlim_t>(limit.rlim_cur, 65536))};
+                         static_cast<unsigned>(std::min<rlim_t>(limit.rlim_cur, 65536)),
+                         &sandbox};
   const pid_t pid = ::fork();
   if (pid < 0) {
     Fail("fork");
@@ -255,7 +266,7 @@ ChildEnd RunChild(const ChildCommand& command, const std::function<void(std::str
   ChildEnd end;
   Lines output_lines(on_line);
   Lines error_lines([&](std::string_view line) { end.error = line.substr(0, kLongestError); });
-  Stopper stopper(stop);
+  Stopper stopper(stop, command.limits.time);
   for (bool ended = false; !ended;) {
     std::array<pollfd, 4> events = {{{output.get(), POLLIN, 0},
                                      {error.get(), POLLIN, 0},
@@ -280,6 +291,7 @@ ChildEnd RunChild(const ChildCommand& command, const std::function<void(std::str
     lines->End();
   }
   end.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  end.late = stopper.late();
   end.signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
   return end;
 }

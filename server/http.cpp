@@ -101,7 +101,7 @@ class HttpServer::Implementation {
         listener_([this](int socket) { front_.Take(socket); }),
         front_(options.limits, [this](Incoming incoming) { Enqueue(std::move(incoming)); }),
         watchers_(jobs, options.limits, [this](Incoming incoming) { Enqueue(std::move(incoming)); }),
-        endpoints_(jobs, watchers_, options.limits) {
+        endpoints_(jobs, watchers_, options.limits, options.tokens) {
     using Handled = httplib::Server::HandlerResponse;
     listener_.set_tcp_nodelay(true);
     // Not SO_REUSEPORT, with which two servers could share a port without a word.

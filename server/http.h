@@ -6,6 +6,7 @@
 
 #include "server/http_limits.h"
 #include "server/jobs.h"
+#include "server/tokens.h"
 
 namespace radbake::server {
 
@@ -15,6 +16,7 @@ class HttpServer {
     std::string host = "127.0.0.1";
     int port = 8080;  ///< 0: any free one
     HttpLimits limits;
+    std::shared_ptr<const Tokens> tokens;  ///< null: everybody is the same client
   };
 
   /// Binds the port: from here on connections are taken, and wait for Listen(). The jobs must outlive this

@@ -123,7 +123,10 @@ void Answer(Response& response, const Problem& problem) {
   response.status = problem.status;
   response.set_content(ToText(ToJson(problem)), "application/problem+json");
   if (problem.status == 503 || problem.status == 429) {
-    response.set_header("Retry-After", "1");
+    response.set_header("Retry-After", std::to_string(problem.retry_after.count()));
+  }
+  if (problem.status == 401) {
+    response.set_header("WWW-Authenticate", "Bearer");
   }
 }
 
@@ -134,11 +137,41 @@ void Refuse(const Request& request, Response& response, const Problem& problem) 
   }
 }
 
+std::string Endpoints::Check(const Request& request) const {
+  CheckHead(request, limits_.upload);
+  if (tokens_ == nullptr || ParsePath(request.path).resource == Resource::kHealth) {
+    return "";
+  }
+  std::optional<std::string> owner = tokens_->Owner(request.get_header_value("Authorization"));
+  if (!owner) {
+    throw ProblemError(HttpProblem(401, "the request carries no token that is known here"));
+  }
+  return std::move(*owner);
+}
+
+void Endpoints::CheckQuota(const std::string& owner) {
+  const Waiting waiting = jobs_.CountQueued(owner);
+  if (waiting.all >= limits_.queued) {
+    throw ProblemError(
+        HttpProblem(503, "there are the " + std::to_string(limits_.queued) + " jobs already that may wait"));
+  }
+  if (waiting.of_owner >= limits_.queued_of_one) {
+    throw ProblemError(HttpProblem(
+        429, "you have the " + std::to_string(limits_.queued_of_one) + " jobs already that may wait"));
+  }
+  if (const auto wait = rate_.Take(owner, Rate::Clock::now())) {
+    Problem problem = HttpProblem(429, "you have made the " + std::to_string(limits_.uploads_a_minute) +
+                                           " uploads a minute that you may");
+    problem.retry_after = *wait;
+    throw ProblemError(std::move(problem));
+  }
+}
+
 Then Endpoints::Serve(const Request& request, Response& response, Body& body) {
-  Check(request);
+  const std::string owner = Check(request);
   const Target target = ParsePath(request.path);
   if (target.resource == Resource::kBakes && request.method == "POST") {
-    return Post(request, response, body);
+    return Post(request, response, body, owner);
   }
   body.Drain();
   switch (target.resource) {
@@ -147,15 +180,16 @@ Then Endpoints::Serve(const Request& request, Response& response, Body& body) {
       response.set_content(R"({"status":"ok"})", "application/json");
       return {};
     case Resource::kBakes:
-      List(request, response);
+      List(request, response, owner);
       return {};
     default:
-      return ServeJob(request, response, target);
+      return ServeJob(request, response, target, owner);
   }
 }
 
-Then Endpoints::Post(const Request& request, Response& response, Body& body) {
-  Submission submission{"", "", ReadKey(request)};
+Then Endpoints::Post(const Request& request, Response& response, Body& body, const std::string& owner) {
+  Submission submission{owner, "", ReadKey(request)};
+  CheckQuota(owner);
   const Turn turn(uploads_, limits_.uploads);
   Draft draft = jobs_.Begin();
   Upload upload(draft);
@@ -175,8 +209,9 @@ Then Endpoints::Post(const Request& request, Response& response, Body& body) {
   return Hold(request, added.job, status);
 }
 
-void Endpoints::List(const Request& request, Response& response) {
+void Endpoints::List(const Request& request, Response& response, const std::string& owner) {
   Page page = ReadPage(request);
+  page.owner = owner;
   ++page.limit;  // one more, to see whether there is a next page
   std::vector<Job> jobs = jobs_.List(page);
   --page.limit;
@@ -196,16 +231,18 @@ void Endpoints::List(const Request& request, Response& response) {
   response.set_content(ToText({{"bakes", std::move(bakes)}, {"next", std::move(next)}}), "application/json");
 }
 
-Job Endpoints::Need(const std::string& id) {
+// Another's job is none.
+Job Endpoints::Need(const std::string& id, const std::string& owner) {
   std::optional<Job> job = jobs_.Find(id);
-  if (!job) {
+  if (!job || job->owner != owner) {
     throw UnknownJob();
   }
   return std::move(*job);
 }
 
-Then Endpoints::ServeJob(const Request& request, Response& response, const Target& target) {
-  const Job job = Need(target.id);
+Then Endpoints::ServeJob(const Request& request, Response& response, const Target& target,
+                         const std::string& owner) {
+  const Job job = Need(target.id, owner);
   const auto send = [&](const Result& result) {
     if (job.status != Status::kSucceeded) {
       SetRetryAfter(response, job);
@@ -229,7 +266,7 @@ Then Endpoints::ServeJob(const Request& request, Response& response, const Targe
     case Resource::kEvents:
       return Watch(request, response, job);
     case Resource::kCancel:
-      Cancel(response, job.id);
+      Cancel(response, job);
       return {};
     default:
       break;
@@ -299,13 +336,13 @@ Then Endpoints::Hold(const Request& request, const Job& job, int status) {
   return then;
 }
 
-void Endpoints::Cancel(Response& response, const std::string& id) {
-  const bool canceled = jobs_.Cancel(id);
-  const Job job = Need(id);
-  if (!canceled && job.status != Status::kCanceled) {
-    throw ProblemError(AlreadyEnded("the job has " + std::string(ToString(job.status)) + " already"));
+void Endpoints::Cancel(Response& response, const Job& job) {
+  const bool canceled = jobs_.Cancel(job.id);
+  const Job now = Need(job.id, job.owner);
+  if (!canceled && now.status != Status::kCanceled) {
+    throw ProblemError(AlreadyEnded("the job has " + std::string(ToString(now.status)) + " already"));
   }
-  Answer(response, 200, job);
+  Answer(response, 200, now);
 }
 
 }  // namespace radbake::server

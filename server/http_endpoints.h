@@ -5,12 +5,14 @@
 
 #include <atomic>
 #include <chrono>
-#include <cstdint>
+#include <memory>
 #include <string>
+#include <utility>
 
 #include "server/http_request.h"
 #include "server/http_watchers.h"
 #include "server/jobs.h"
+#include "server/tokens.h"
 
 namespace radbake::server {
 
@@ -37,27 +39,37 @@ void Refuse(const httplib::Request& request, httplib::Response& response, const 
 class Endpoints {
  public:
   /// The jobs and the watchers must outlive this object.
-  Endpoints(Jobs& jobs, Watchers& watchers, const HttpLimits& limits)
-      : jobs_(jobs), watchers_(watchers), limits_(limits) {}
+  /// Without tokens everybody is the same client.
+  Endpoints(Jobs& jobs, Watchers& watchers, const HttpLimits& limits, std::shared_ptr<const Tokens> tokens)
+      : jobs_(jobs),
+        watchers_(watchers),
+        limits_(limits),
+        tokens_(std::move(tokens)),
+        rate_(limits.uploads_a_minute) {}
 
-  /// Throws ProblemError for what is wrong with the request before its body is read.
-  void Check(const httplib::Request& request) const { CheckHead(request, limits_.upload); }
+  /// Throws ProblemError for what is wrong with the request before its body is read. Returns whose it is.
+  std::string Check(const httplib::Request& request) const;
   /// Answers. Throws ProblemError where it cannot, and std::exception where the server fails.
   Then Serve(const httplib::Request& request, httplib::Response& response, Body& body);
 
  private:
-  Then Post(const httplib::Request& request, httplib::Response& response, Body& body);
-  void List(const httplib::Request& request, httplib::Response& response);
-  Then ServeJob(const httplib::Request& request, httplib::Response& response, const Target& target);
+  Then Post(const httplib::Request& request, httplib::Response& response, Body& body,
+            const std::string& owner);
+  void List(const httplib::Request& request, httplib::Response& response, const std::string& owner);
+  Then ServeJob(const httplib::Request& request, httplib::Response& response, const Target& target,
+                const std::string& owner);
   Then Get(const httplib::Request& request, httplib::Response& response, const Job& job);
   Then Watch(const httplib::Request& request, httplib::Response& response, const Job& job);
-  void Cancel(httplib::Response& response, const std::string& id);
+  void Cancel(httplib::Response& response, const Job& job);
   Then Hold(const httplib::Request& request, const Job& job, int status);
-  Job Need(const std::string& id);
+  void CheckQuota(const std::string& owner);
+  Job Need(const std::string& id, const std::string& owner);
 
   Jobs& jobs_;
   Watchers& watchers_;
   HttpLimits limits_;
+  std::shared_ptr<const Tokens> tokens_;
+  Rate rate_;
   std::atomic<int> uploads_ = 0;
 };
 

@@ -18,6 +18,10 @@ struct HttpLimits {
   std::uint64_t upload = 256ULL << 20U;  ///< bytes of a body
   int uploads = 24;                      ///< bodies that are read at a time
 
+  int uploads_a_minute = 0;            ///< of each client; 0: as many as it likes
+  std::size_t queued = 10'000;         ///< jobs that wait, of all clients
+  std::size_t queued_of_one = 10'000;  ///< jobs that wait, of each client
+
   std::size_t watchers = 1000;       ///< streams of events and held answers at a time, together
   std::chrono::seconds comment{15};  ///< between two signs of life of a stream
 };

@@ -67,6 +67,7 @@ class Jobs {
   std::optional<Job> Find(const std::string& id);
   /// A page of jobs, newest first. How to go on is Cursor() of its last.
   std::vector<Job> List(const Page& page);
+  Waiting CountQueued(const std::string& owner) { return queue_->CountQueued(owner); }
   JobFiles Files(const std::string& id) const;
   /// False if the job has ended already or is not there.
   bool Cancel(const std::string& id);

@@ -15,6 +15,7 @@
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -84,6 +85,67 @@ std::chrono::seconds ParseDuration(const char* option, const std::string& text) 
   return std::chrono::seconds(number * kSeconds.at(unit));
 }
 
+bool IsLoopback(const std::string& host) {
+  return host == "localhost" || host == "::1" || host.starts_with("127.");
+}
+
+// The flags of all that is taken from clients.
+void AddLimits(CLI::App& app, radbake::server::HttpLimits& limits) {
+  const auto add = [&](const char* flag, auto& value, const char* means) {
+    app.add_option(flag, value, means)->capture_default_str()->group("Limits");
+  };
+  const auto add_seconds = [&](const char* flag, std::chrono::seconds& value, const char* means) {
+    app.add_option_function<unsigned>(
+           flag, [&value](unsigned seconds) { value = std::chrono::seconds(seconds); }, means)
+        ->check(CLI::Range(1, 86400))
+        ->default_str(std::to_string(value.count()))
+        ->group("Limits");
+  };
+  add("--max-upload", limits.upload, "Bytes that a request may have");
+  add("--max-uploads", limits.uploads, "Uploads at a time");
+  add("--max-queue", limits.queued, "Jobs that may wait");
+  add("--max-queue-per-client", limits.queued_of_one, "Jobs of one client that may wait");
+  add("--uploads-per-minute", limits.uploads_a_minute, "Of each client; 0: any number");
+  add("--max-connections", limits.connections, "Connections at a time");
+  add("--max-watchers", limits.watchers, "Event streams and held answers at a time");
+  add("--max-head", limits.head, "Bytes of a request's line and headers");
+  add("--max-headers", limits.headers, "Headers of a request");
+  add("--least-rate", limits.least_rate, "Bytes a second that a body or an answer must move");
+  add_seconds("--head-time", limits.head_time, "Seconds in which a request's headers must come");
+  add_seconds("--idle-time", limits.idle_time, "Seconds that a body or an answer may stand still");
+}
+
+// The flags of what a bake may take; memory as a share of the machine's, unless told otherwise.
+void AddChildLimits(CLI::App& app, radbake::server::ChildLimits& limits) {
+  const auto add = [&](const char* flag, std::uint64_t& value, const char* means) {
+    app.add_option(flag, value, means)->capture_default_str()->group("Limits of a bake (0: none)");
+  };
+  const auto add_seconds = [&](const char* flag, std::chrono::seconds& value, const char* means) {
+    app.add_option_function<unsigned>(
+           flag, [&value](unsigned seconds) { value = std::chrono::seconds(seconds); }, means)
+        ->default_str(std::to_string(value.count()))
+        ->group("Limits of a bake (0: none)");
+  };
+  limits.open_files = 256;
+  limits.file_size = 4ULL << 30U;
+  limits.time = std::chrono::hours(1);
+  limits.confined = true;
+  add_seconds("--job-timeout", limits.time, "Seconds from its start to its end");
+  add_seconds("--job-cpu-time", limits.cpu_time, "Seconds of processor time");
+  add("--job-memory", limits.memory, "Bytes of memory");
+  add("--job-file-size", limits.file_size, "Bytes of a file that it writes");
+  add("--job-open-files", limits.open_files, "Files that it may have open");
+  app.add_flag("!--no-confinement", limits.confined, "A bake may use all files that its user may")
+      ->group("Limits of a bake (0: none)");
+}
+
+// What a service that faces others needs.
+void AddClients(CLI::App& app, std::string& tokens, bool& insecure) {
+  app.add_option("--tokens", tokens,
+                 "A file of clients: a line is a name and the SHA-256 of its bearer token");
+  app.add_flag("--insecure", insecure, "Listen to other machines without tokens");
+}
+
 sigset_t StopSignals() {
   sigset_t signals;
   sigemptyset(&signals);
@@ -134,13 +196,22 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   app.add_option("--radbake", radbake, "The program that bakes")->capture_default_str();
-  app.add_option("--max-upload", http.limits.upload, "Bytes that a request may have")->capture_default_str();
+  AddLimits(app, http.limits);
+  AddChildLimits(app, workers.limits);
+  std::string tokens;
+  bool insecure = false;
+  AddClients(app, tokens, insecure);
   std::string keep = "24h";
   app.add_option("--keep", keep, "How long ended jobs are kept: 90s, 30m, 24h, 7d")->capture_default_str();
   try {
     app.parse(argc, argv);
     options.keep = ParseDuration("--keep", keep);
     ParseListen(listen, http);
+    if (!IsLoopback(http.host) && tokens.empty() && !insecure) {
+      throw CLI::ValidationError("--listen",
+                                 "names an address that other machines reach: --tokens says who may "
+                                 "use it, --insecure that everybody may");
+    }
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
@@ -149,6 +220,12 @@ int main(int argc, char** argv) {
     workers.radbake = std::filesystem::absolute(radbake);
     if (::access(workers.radbake.c_str(), X_OK) != 0) {
       throw std::runtime_error("there is no program " + radbake + ": --radbake says where it is");
+    }
+    if (!tokens.empty()) {
+      http.tokens = std::make_shared<const radbake::server::Tokens>(radbake::server::Tokens::Read(tokens));
+    }
+    if (workers.limits.confined && !radbake::server::Sandbox::CanConfine()) {
+      spdlog::warn("this kernel has no Landlock: bakes may read and write whatever this user may");
     }
     Serve(data.empty() ? DefaultData() : std::filesystem::absolute(data), options, http);
     return 0;

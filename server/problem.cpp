@@ -32,13 +32,14 @@ std::string Phrase(int status) {
 }
 
 Problem Kind(int status, const std::string& name, std::string title, std::string detail) {
-  return {status, "urn:radbake:problem:" + name, std::move(title), std::move(detail)};
+  return {status, "urn:radbake:problem:" + name, std::move(title), std::move(detail),
+          std::chrono::seconds(1)};
 }
 
 }  // namespace
 
 Problem HttpProblem(int status, std::string detail) {
-  return {status, "about:blank", Phrase(status), std::move(detail)};
+  return {status, "about:blank", Phrase(status), std::move(detail), std::chrono::seconds(1)};
 }
 
 Problem BadParameters(std::string detail) {
@@ -69,6 +70,10 @@ Problem AlreadyEnded(std::string detail) {
   return Kind(409, "ended", "The job has ended", std::move(detail));
 }
 
+Problem BeyondLimit(std::string detail) {
+  return Kind(422, "limit", "The bake takes more than it may", std::move(detail));
+}
+
 Problem BakeFailed(std::string detail) {
   return Kind(500, "bake-failed", "The bake failed", std::move(detail));
 }
@@ -86,7 +91,7 @@ nlohmann::json ToJson(const Problem& problem) {
 
 Problem ProblemFromJson(const nlohmann::json& json) {
   return {json.at("status").get<int>(), json.at("type").get<std::string>(),
-          json.at("title").get<std::string>(), json.at("detail").get<std::string>()};
+          json.at("title").get<std::string>(), json.at("detail").get<std::string>(), std::chrono::seconds(1)};
 }
 
 std::string Quoted(std::string_view text) {

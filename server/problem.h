@@ -1,6 +1,7 @@
 /// What goes wrong, as RFC 9457 says it: in the body of an error answer, and in a job that failed.
 #pragma once
 
+#include <chrono>
 #include <exception>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
@@ -13,7 +14,8 @@ struct Problem {
   int status = 500;   ///< the HTTP status; of a failed job: what a request would get that asks for its result
   std::string type;   ///< a URN of the kind, or "about:blank" where the status says it all
   std::string title;  ///< the kind in words, the same each time
-  std::string detail;  ///< this case: one sentence that names what is wrong and where
+  std::string detail;                   ///< this case: one sentence that names what is wrong and where
+  std::chrono::seconds retry_after{1};  ///< of a 429 or 503, which are worth another try
 };
 
 /// A plain HTTP error: type "about:blank", the status' own phrase as title.
@@ -25,6 +27,7 @@ Problem TooLarge(std::string detail);       ///< 413
 Problem KeyReused(std::string detail);      ///< 422: an idempotency key with another payload
 Problem NoResult(std::string detail);       ///< 409: the job has not succeeded (yet)
 Problem AlreadyEnded(std::string detail);   ///< 409
+Problem BeyondLimit(std::string detail);    ///< 422: the bake took more than a job may take
 Problem BakeFailed(std::string detail);     ///< 500: no fault of the upload's that we know of
 
 /// Bytes that are not UTF-8 are replaced: every answer is valid JSON.

@@ -370,4 +370,16 @@ std::vector<Job> Queue::List(const Page& page) {
   return jobs;
 }
 
+Waiting Queue::CountQueued(const std::string& owner) {
+  const std::lock_guard lock(reader_.mutex);
+  Statement count(reader_.database.get(),
+                  "SELECT count(*), count(*) FILTER (WHERE owner = ?) FROM jobs WHERE status = 'queued'",
+                  owner);
+  count.Step();
+  Waiting waiting;
+  waiting.all = static_cast<std::size_t>(count.Integer());
+  waiting.of_owner = static_cast<std::size_t>(count.Integer());
+  return waiting;
+}
+
 }  // namespace radbake::server

@@ -79,6 +79,11 @@ struct Added {
   Job job;
 };
 
+struct Waiting {
+  std::size_t all = 0;
+  std::size_t of_owner = 0;
+};
+
 /// Which jobs a page shows: newest first.
 struct Page {
   std::string owner;
@@ -126,6 +131,8 @@ class Queue {
   std::vector<std::string> Forget(Time now);
   std::optional<Job> Find(const std::string& id);
   std::vector<Job> List(const Page& page);
+  /// How many jobs wait.
+  Waiting CountQueued(const std::string& owner);
 
  private:
   class Statement;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <csignal>
 #include <system_error>
 #include <utility>
 
@@ -30,6 +31,22 @@ std::string HowItEnded(const ChildEnd& end) {
                           : end.exit_code >= 0 ? "ended with exit code " + std::to_string(end.exit_code)
                                                : "left no result";
   return end.error.empty() ? how : how + ": " + Reason(end);
+}
+
+// The limit that has ended the child, in a sentence; empty: none. Another attempt would end alike.
+std::string LimitHit(const ChildEnd& end, const ChildLimits& limits) {
+  if (end.late) {
+    return "the bake took longer than the " + std::to_string(limits.time.count()) +
+           " seconds that it may take";
+  }
+  if (end.signal == SIGXCPU) {
+    return "the bake took more than the " + std::to_string(limits.cpu_time.count()) +
+           " seconds of processor time that it may take";
+  }
+  if (end.signal == SIGXFSZ) {
+    return "the bake wrote more than the " + std::to_string(limits.file_size) + " bytes that a file may have";
+  }
+  return "";
 }
 
 void PublishResult(const JobFiles& files) {
@@ -163,7 +180,7 @@ void Workers::Bake(const Job& job, Running& running) {
     }
   } catch (const std::exception& error) {
     spdlog::error("job {}: {}", job.id, error.what());
-    end = {-1, 0, ""};  // the client need not learn the server's paths
+    end = {};  // the client need not learn the server's paths
   }
   Live live = Find(job.id).value_or(Live());
   Persist([&] {
@@ -172,6 +189,8 @@ void Workers::Bake(const Job& job, Running& running) {
       queue_.Finish(job.id, job.attempt, Status::kSucceeded, live, std::nullopt);
     } else if (end.exit_code == kBadInput) {
       queue_.Finish(job.id, job.attempt, Status::kFailed, live, BadScene(Reason(end)));
+    } else if (const std::string limit = LimitHit(end, options_.limits); !limit.empty()) {
+      queue_.Finish(job.id, job.attempt, Status::kFailed, live, BeyondLimit(limit));
     } else if (running.stop.raised()) {
       queue_.Release(job.id, job.attempt, job.crashes);
     } else if (job.crashes + 1 < kAttempts) {
@@ -194,7 +213,8 @@ ChildEnd Workers::RunBake(const Job& job, Running& running) {
       options_.radbake,
       {"bake", job.scene, "-o", "attempt/baked.glb", "--parameters", "parameters.json", "--statistics",
        "attempt/statistics.json", "--progress", "json", "--threads", std::to_string(options_.threads)},
-      files.folder};
+      files.folder,
+      options_.limits};
   return RunChild(
       command,
       [&](std::string_view line) {

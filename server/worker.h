@@ -49,6 +49,7 @@ class Workers {
     std::filesystem::path radbake;  ///< absolute
     int count = 1;                  ///< children at a time
     int threads = 1;                ///< of each
+    ChildLimits limits;             ///< of each
   };
 
   /// Starts the threads. `files` gives the files of a job. The queue must outlive this object.

@@ -192,7 +192,7 @@ TEST_F(BakeTest, ForgetsADeletedJobWithItsFiles) {
 
 TEST_F(BakeTest, ForgetsAnEndedJobInItsTime) {
   const std::filesystem::path program = WriteProgram(folder() / "radbake", kBakes);
-  const Service service(data(), program, {1, std::chrono::milliseconds(500), Service::SmallLimits()});
+  const Service service(data(), program, {1, std::chrono::milliseconds(500), Service::SmallLimits(), "", {}});
   const Client client = service.client();
   const std::string job = client.PostScene();
   EXPECT_TRUE(Eventually([&] { return client.Get(job).status == 404; }));

@@ -19,7 +19,7 @@ class ChildTest : public testing::Test {
   ChildEnd Run(const std::string& script, const std::vector<std::string>& arguments = {}) {
     const std::filesystem::path program = WriteProgram(folder() / "program", script);
     return RunChild(
-        {program, arguments, folder()}, [&](std::string_view line) { lines_.emplace_back(line); }, stop_);
+        {program, arguments, folder(), {}}, [&](std::string_view line) { lines_.emplace_back(line); }, stop_);
   }
   const std::filesystem::path& folder() const { return folder_.path(); }
   const std::vector<std::string>& lines() const { return lines_; }
@@ -71,7 +71,7 @@ TEST_F(ChildTest, InheritsNothingButItsThreeStreams) {
   ASSERT_TRUE(leaky.open() && high.open());
   std::vector<std::string> open;
   RunChild(
-      {"/bin/ls", {"/proc/self/fd"}, folder()}, [&](std::string_view line) { open.emplace_back(line); },
+      {"/bin/ls", {"/proc/self/fd"}, folder(), {}}, [&](std::string_view line) { open.emplace_back(line); },
       stop());
   EXPECT_THAT(open, ElementsAre("0", "1", "2", "3"));  // 3: the folder that ls reads
 }
@@ -107,7 +107,7 @@ TEST_F(ChildTest, EndsThoughADescendantHoldsItsPipes) {
 }
 
 TEST_F(ChildTest, SaysSoWhenThereIsNoProgram) {
-  const ChildEnd end = RunChild({folder() / "none", {}, folder()}, [](std::string_view) {}, stop());
+  const ChildEnd end = RunChild({folder() / "none", {}, folder(), {}}, [](std::string_view) {}, stop());
   EXPECT_EQ(end.exit_code, 127);
   EXPECT_NE(end.error, "");
 }

@@ -52,7 +52,7 @@ class ConnectionTest : public testing::Test {
   Service Start(const HttpLimits& limits) const {
     return {folder_.path() / "data",
             WriteProgram(folder_.path() / "radbake", kBakes),
-            {1, std::chrono::hours(1), limits}};
+            {1, std::chrono::hours(1), limits, "", {}}};
   }
   static Answer Finish(const Descriptor& connection) {
     std::string text;

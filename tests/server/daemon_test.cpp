@@ -73,6 +73,17 @@ TEST_F(DaemonTest, RefusesToStartWithAnErrorWhenItCannotServe) {
   EXPECT_EQ(Daemon(folder() / "other", program, {"--workers", "0"}).End(0), 2);
   EXPECT_EQ(Daemon(folder() / "other", program, {"--listen", "localhost"}).End(0), 2);
   EXPECT_EQ(Daemon(folder() / "other", program, {"--listen", "127.0.0.1:70000"}).End(0), 2);
+  EXPECT_EQ(Daemon(folder() / "other", program, {"--keep", "tomorrow"}).End(0), 2);
+  EXPECT_EQ(Daemon(folder() / "other", program, {"--tokens", (folder() / "none").string()}).End(0), 1);
+}
+
+TEST_F(DaemonTest, ListensToOtherMachinesOnlyIfToldWhoMayOrThatEverybodyMay) {
+  const std::filesystem::path program = Program(kBakes);
+  const std::string tokens = (folder() / "tokens").string();
+  WriteFile(tokens, "me " + std::string(64, 'a') + "\n");
+  EXPECT_EQ(Daemon(data(), program, {"--listen", "0.0.0.0:0"}).End(0), 2);
+  EXPECT_EQ(Daemon(data(), program, {"--listen", "0.0.0.0:0", "--insecure"}).End(SIGTERM), 0);
+  EXPECT_EQ(Daemon(data(), program, {"--listen", "0.0.0.0:0", "--tokens", tokens}).End(SIGTERM), 0);
 }
 
 TEST_F(DaemonTest, FinishesAfterAKillWhatWasQueued) {

@@ -200,8 +200,9 @@ HttpLimits Service::SmallLimits() {
 
 Service::Service(const std::filesystem::path& data, const std::filesystem::path& radbake,
                  const Options& options)
-    : jobs_(data, {{radbake, options.workers, 1}, options.keep}),
-      server_(jobs_, {"127.0.0.1", 0, options.limits}),
+    : jobs_(data, {{radbake, options.workers, 1, options.child_limits}, options.keep}),
+      server_(jobs_, {"127.0.0.1", 0, options.limits,
+                      options.tokens.empty() ? nullptr : std::make_shared<const Tokens>(options.tokens)}),
       listener_([this] { server_.Listen(); }) {}
 
 Service::~Service() {
@@ -212,7 +213,7 @@ Service::~Service() {
 Daemon::Daemon(const std::filesystem::path& data, const std::filesystem::path& radbake,
                const std::vector<std::string>& more) {
   std::vector<std::string> words = {RADBAKE_BINARY_DIR "/radbaked"};
-  words.insert(words.end(), {"--data", data.string(), "--radbake", radbake.string()});
+  words.insert(words.end(), {"--data", data.string(), "--radbake", radbake.string(), "--no-confinement"});
   words.insert(words.end(), more.begin(), more.end());
   if (std::find(more.begin(), more.end(), "--listen") == more.end()) {
     words.insert(words.end(), {"--listen", "127.0.0.1:0"});

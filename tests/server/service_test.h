@@ -98,13 +98,15 @@ class Service {
     int workers = 1;
     std::chrono::milliseconds keep = std::chrono::hours(1);
     HttpLimits limits = SmallLimits();
+    std::string tokens;        ///< empty: none
+    ChildLimits child_limits;  ///< none
   };
   /// As by default, but of uploads only a megabyte.
   static HttpLimits SmallLimits();
 
   Service(const std::filesystem::path& data, const std::filesystem::path& radbake, const Options& options);
   Service(const std::filesystem::path& data, const std::filesystem::path& radbake, int workers = 1)
-      : Service(data, radbake, Options{workers, std::chrono::hours(1), SmallLimits()}) {}
+      : Service(data, radbake, Options{workers, std::chrono::hours(1), SmallLimits(), "", {}}) {}
   ~Service();
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;

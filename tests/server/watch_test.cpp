@@ -19,7 +19,7 @@ class WatchTest : public testing::Test {
             WriteProgram(folder_.path() / "radbake",
                          "echo '{\"phase\":\"solve\",\"progress\":0.5}'\nwhile [ ! -e " + Go().string() +
                              " ]; do sleep 0.02; done\n" + kBakes),
-            {1, std::chrono::hours(1), limits}};
+            {1, std::chrono::hours(1), limits, "", {}}};
   }
   std::filesystem::path Go() const { return folder_.path() / "go"; }
 
