@@ -116,7 +116,7 @@ MeshOptions MeshOptionsOf(const Parameters& parameters) {
 
 GatherOptions GatherOptionsOf(const Parameters& parameters) {
   GatherOptions options;
-  options.rays = std::clamp(static_cast<int>(std::lround(2 / parameters.error)), 64, 1024);
+  options.rays = std::clamp(static_cast<int>(std::lround(4 / parameters.error)), 64, 4096);
   return options;
 }
 

@@ -118,7 +118,7 @@ SampledVisibility Visibility::BetweenElements(const Polygon& a, const Polygon& b
 }
 
 double Visibility::FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, QuasiRandom<2>& random,
-                             int rays) const {
+                             int first, int rays) const {
   const Polygon front = ClipToFront(polygon, {n, n.dot(x)});
   if (front.count == 0) {
     return 0;
@@ -126,7 +126,6 @@ double Visibility::FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygo
   double open = 0;
   double all = 0;
   RayBatch batch(*this);
-  const int first = std::max(1, rays / 4);
   for (int cast = 0; cast < rays && (cast < first || (open > 0 && open < all)); ++cast) {
     const auto u = random.Next();
     const Vec3 y = PointOn(front, u[0], u[1]);

@@ -40,10 +40,9 @@ class Visibility {
   SampledVisibility BetweenElements(const Polygon& a, const Polygon& b, double exchange_area,
                                     std::uint64_t key, int rays) const;
 
-  /// The same from `x` to the polygon's part in front of the plane (x, n). Casts `rays` / 4, at least one,
-  /// and the rest only if those disagree. Neighbouring polygons that take turns with one `random` stratify
-  /// each other.
-  double FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, QuasiRandom<2>& random,
+  /// The same from `x` to the polygon's part in front of the plane (x, n). Casts `first` of the `rays`, and the
+  /// rest only if those disagree. Neighbouring polygons that take turns with one `random` stratify each other.
+  double FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, QuasiRandom<2>& random, int first,
                    int rays) const;
 
   /// Does the place `y` with unit normal `normal` see nothing but sides that give no light (it lies under a

@@ -181,7 +181,7 @@ TEST(Visibility, FromAPointIsTheShareOfTheLightThatIsNotHidden) {
     const double hidden = HiddenFrom(x, up, seen, blocker) / PointToPolygon(x, up, seen);
     ASSERT_GT(hidden, 0.02);
     QuasiRandom<2> random(5);
-    EXPECT_NEAR(visibility.FromPoint(x, up, seen, random, 65536), 1 - hidden, 1e-3);
+    EXPECT_NEAR(visibility.FromPoint(x, up, seen, random, 16384, 65536), 1 - hidden, 1e-3);
   }
 }
 
@@ -192,14 +192,14 @@ TEST(Visibility, FromAPointCastsAQuarterOfItsRaysWhereTheyAgree) {
   const Vec3 up = Vec3::UnitZ();
   QuasiRandom<2> random(3);
   const Vec3 before = patches.normalization.ToNormalized(Vec3(0.05, 0.5, 0));
-  EXPECT_EQ(visibility.FromPoint(before, up, wall, random, 64), 1);
+  EXPECT_EQ(visibility.FromPoint(before, up, wall, random, 16, 64), 1);
   EXPECT_EQ(visibility.Counted().rays, 16U);
   const Vec3 behind = patches.normalization.ToNormalized(Vec3(0.6, 0.5, 0));
-  const double partly = visibility.FromPoint(behind, up, wall, random, 64);
+  const double partly = visibility.FromPoint(behind, up, wall, random, 16, 64);
   EXPECT_GT(partly, 0);
   EXPECT_LT(partly, 1);
   EXPECT_EQ(visibility.Counted().rays, 16U + 64U);
-  EXPECT_EQ(visibility.FromPoint(behind, -up, wall, random, 64), 0) << "the wall is behind";
+  EXPECT_EQ(visibility.FromPoint(behind, -up, wall, random, 16, 64), 0) << "the wall is behind";
 }
 
 /// A room of 2 m with a box of 0.6 m on its floor.
