@@ -22,7 +22,9 @@ constexpr double kMaxSeconds = 1e6;
 
 template <typename Value>
 using Words = std::span<const std::pair<std::string_view, Value>>;
-constexpr std::array kMethods{std::pair{std::string_view{"hierarchical"}, Method::kHierarchical},
+constexpr std::array kMethods{std::pair{std::string_view{"matrix"}, Method::kMatrix},
+                              std::pair{std::string_view{"two-level"}, Method::kTwoLevel},
+                              std::pair{std::string_view{"hierarchical"}, Method::kHierarchical},
                               std::pair{std::string_view{"adaptive"}, Method::kAdaptive}};
 constexpr std::array kClusterings{std::pair{std::string_view{"auto"}, Clustering::kAuto},
                                   std::pair{std::string_view{"on"}, Clustering::kOn},
@@ -118,8 +120,8 @@ constexpr std::array kSpecs{
                   },
                   [](const Parameters& p) { return WriteOptional(p.time_budget); }},
     ParameterSpec{
-        "method", "hierarchical or adaptive",
-        "which nodes are linked: by form factor and area, or by transported energy",
+        "method", "matrix, two-level, hierarchical or adaptive",
+        "which nodes are linked: every two leaves, patches to elements, by form factor, or by energy",
         [](const Json& value, Parameters& p) { return ReadWord<Method>(value, kMethods, p.method); },
         [](const Parameters& p) { return WriteWord<Method>(kMethods, p.method); }},
     ParameterSpec{"basis", "constant", "order of the basis",

@@ -11,7 +11,7 @@
 
 namespace radbake {
 
-enum class Method { kHierarchical, kAdaptive };
+enum class Method { kMatrix, kTwoLevel, kHierarchical, kAdaptive };
 
 /// Whether the patches hang below clusters. kAuto: where there are so many that linking each to each costs
 /// more.

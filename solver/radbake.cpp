@@ -3,6 +3,7 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <ctime>
@@ -84,16 +85,25 @@ class Watch {
   double lap_ = 0;
 };
 
+/// By Method: how its smallest elements' share of the scene's area follows from `error`. Fitted so that what
+/// the elements' constants leave in the final irradiance is a small part of the target. kAdaptive: it only
+/// ends what would not; W_min must decide, down to the narrow gap between a lamp and its ceiling.
+struct ByMethod {
+  Refinement refinement;
+  double a_min_per_error;
+};
+constexpr std::array kByMethod{ByMethod{Refinement::kMatrix, 0.05}, ByMethod{Refinement::kTwoLevel, 0.005},
+                               ByMethod{Refinement::kHierarchical, 0.02},
+                               ByMethod{Refinement::kAdaptive, 1e-4}};
+
 SolveOptions OptionsOf(const Parameters& parameters) {
   SolveOptions options;
-  const bool adaptive = parameters.method == Method::kAdaptive;
-  options.refinement = adaptive ? Refinement::kAdaptive : Refinement::kHierarchical;
-  // Fitted so that what the elements' constants leave in the final irradiance is a small part of the target.
-  // A_min only ends what would not: W_min must decide, down to the narrow gap between a lamp and its ceiling.
+  const ByMethod& by_method = kByMethod[static_cast<std::size_t>(parameters.method)];
+  options.refinement = by_method.refinement;
   options.a_min =
-      parameters.oracle.a_min.value_or(adaptive ? std::clamp(1e-4 * parameters.error, 1e-8, 1e-3)
-                                                : std::clamp(0.02 * parameters.error, 1e-6, 1e-2));
-  options.f_max = parameters.oracle.f_max.value_or(std::clamp(3 * parameters.error, 1e-3, 0.5));
+      parameters.oracle.a_min.value_or(std::clamp(by_method.a_min_per_error * parameters.error, 1e-8, 1e-2));
+  options.gradient = std::clamp(5 * parameters.error, 0.02, 1.0);
+  options.f_max = parameters.oracle.f_max.value_or(std::clamp(parameters.error, 1e-3, 0.5));
   options.w_min = parameters.oracle.w_min.value_or(std::clamp(0.005 * parameters.error, 1e-8, 1e-2));
   options.tolerance = 0.02 * parameters.error;
   return options;

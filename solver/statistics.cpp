@@ -45,9 +45,9 @@ Json TimeToJson(const std::vector<std::pair<std::string, double>>& seconds) {
 }  // namespace
 
 nlohmann::ordered_json ToJson(const Iteration& iteration) {
-  return {{"pass", iteration.pass},         {"sweeps", iteration.sweeps}, {"residual", iteration.residual},
-          {"elements", iteration.elements}, {"links", iteration.links},   {"rays", iteration.rays},
-          {"seconds", iteration.seconds}};
+  return {{"pass", iteration.pass},         {"sweeps", iteration.sweeps},  {"residual", iteration.residual},
+          {"elements", iteration.elements}, {"links", iteration.links},    {"factors", iteration.factors},
+          {"rays", iteration.rays},         {"seconds", iteration.seconds}};
 }
 
 nlohmann::ordered_json ToJson(const CheckSummary& summary) {

@@ -55,7 +55,7 @@ struct Statistics {
 ///  warnings [string]}
 nlohmann::ordered_json ToJson(const Statistics& statistics);
 
-/// {pass, sweeps, residual, elements, links, rays, seconds}
+/// {pass, sweeps, residual, elements, links, factors, rays, seconds}
 nlohmann::ordered_json ToJson(const Iteration& iteration);
 
 /// {relative_rms, low, high, bias, bias_interval, missing, probes, rays, noise}: shares, not percent.

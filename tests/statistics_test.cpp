@@ -25,7 +25,7 @@ TEST(Statistics, WriteEveryPartOfTheContractInItsOrder) {
                                "memory", "rays", "output", "stopped_by", "warnings"}));
   EXPECT_EQ(Keys(json["scene"]), (Names{"triangles", "patches", "materials", "lights", "ignored"}));
   EXPECT_EQ(Keys(json["iterations"][0]),
-            (Names{"pass", "sweeps", "residual", "elements", "links", "rays", "seconds"}));
+            (Names{"pass", "sweeps", "residual", "elements", "links", "factors", "rays", "seconds"}));
   EXPECT_EQ(Keys(json["energy"]),
             (Names{"emitted", "absorbed", "absorbed_by_backs", "escaped", "imbalance"}));
   EXPECT_EQ(Keys(json["error"]["measured"]), (Names{"relative_rms", "low", "high", "bias", "bias_interval",

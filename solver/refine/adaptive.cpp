@@ -28,13 +28,6 @@ double UnevenView(const Hierarchy& hierarchy, const Link& link) {
   return std::max(kernel, VisibilityUncertainty(link));
 }
 
-/// The area below which a node is not divided compares with this; the sky's is what it looks like from the
-/// scene.
-double Size(const Hierarchy& hierarchy, Index node) {
-  const double area = hierarchy.Area(node);
-  return IsElement(node) && hierarchy.IsSky(node) ? area / (kSkyDistance * kSkyDistance) : area;
-}
-
 double LargestReflectance(const Hierarchy& hierarchy, Index node) {
   return IsCluster(node) ? hierarchy.clusters()[node - kFirstCluster].reflectance
                          : hierarchy.PatchOf(node).reflectance.maxCoeff();
@@ -79,12 +72,12 @@ Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) con
   if (by_kernel + by_visibility + by_shooter <= w_min_) {
     return Decision::kKeep;
   }
-  const double receiver_size = Size(hierarchy, link.receiver);
+  const double receiver_size = ComparableArea(hierarchy, link.receiver);
   const bool receiver_can = receiver_size > a_min_;
   if (IsPunctual(link.shooter)) {
     return receiver_can ? Decision::kDivideReceiver : Decision::kKeep;
   }
-  const double shooter_size = Size(hierarchy, link.shooter);
+  const double shooter_size = ComparableArea(hierarchy, link.shooter);
   const bool shooter_can = shooter_size > a_min_;
   bool receiver_first = false;
   if (IsCluster(link.receiver) || IsCluster(link.shooter)) {

@@ -156,6 +156,7 @@ void Linker::LinkRoots() {
   for (const auto& row : rows) {
     links.insert(links.end(), row.begin(), row.end());
   }
+  measured_ += receivers.size() * shooters.size();
   links_.Assign(links, hierarchy_.size(), hierarchy_.clusters().size());
 }
 
@@ -218,6 +219,7 @@ std::size_t Linker::Refine(const Oracle& oracle, const std::function<bool()>& st
       Replace(link, decisions[k], next);
     }
     ParallelFor(next.size(), [&](std::size_t k) { Measure(next[k]); });
+    measured_ += next.size();
     open.clear();
     AppendLive(open, next);
   }

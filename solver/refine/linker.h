@@ -24,6 +24,8 @@ class Linker {
   std::size_t Refine(const Oracle& oracle, const std::function<bool()>& stop);
 
   const Links& links() const { return links_; }
+  /// Form factors computed so far, those of links that were replaced or that carry nothing too.
+  std::size_t measured() const { return measured_; }
 
  private:
   /// Form factor and visibility of a link whose ends are set; one that carries nothing has form_factor 0.
@@ -37,6 +39,7 @@ class Linker {
   const Visibility& visibility_;
   int rays_;
   Links links_;
+  std::size_t measured_ = 0;
 };
 
 }  // namespace radbake

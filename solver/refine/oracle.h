@@ -7,6 +7,11 @@ namespace radbake {
 
 enum class Decision { kKeep, kDivideReceiver, kDivideShooter };
 
+/// The area of a node as oracles compare it: the sky's is what it looks like from the scene.
+double ComparableArea(const Hierarchy& hierarchy, Index node);
+/// Is it a cluster, or an element of more than this area?
+bool IsDivisible(const Hierarchy& hierarchy, Index node, double largest_area);
+
 /// Judges a link that exists or would exist. Called from several threads at once.
 class Oracle {
  public:

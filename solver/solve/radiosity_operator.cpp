@@ -19,6 +19,17 @@ void ForEachParent(const Hierarchy& hierarchy, const Visit& visit) {
   }
 }
 
+/// Calls `visit` with a node and all elements below it.
+template <typename Visit>
+void ForEachWithin(const Hierarchy& hierarchy, Index e, const Visit& visit) {
+  visit(e);
+  if (!hierarchy[e].IsLeaf()) {
+    for (Index child = hierarchy[e].first_child; child < hierarchy[e].first_child + 4; ++child) {
+      ForEachWithin(hierarchy, child, visit);
+    }
+  }
+}
+
 Eigen::Index Column(std::size_t leaf) {
   return static_cast<Eigen::Index>(leaf);
 }
@@ -69,15 +80,17 @@ RadiosityOperator::Shooters RadiosityOperator::Surfaces(const LeafValues& radios
   std::vector<Rgb>& elements = shooters.elements;
   elements.assign(hierarchy_.size(), Rgb::Zero());
   for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
-    elements[rows_.leaves()[k]] = radiosity.col(Column(k));
+    const Rgb value = radiosity.col(Column(k));
+    ForEachWithin(hierarchy_, rows_.leaves()[k], [&](Index e) { elements[e] = value; });
   }
   ForEachParent(hierarchy_, [&](Index e, Index first) {
     double area = 0;
+    Rgb power = Rgb::Zero();
     for (Index child = first; child < first + 4; ++child) {
-      elements[e] += hierarchy_[child].area * elements[child];
+      power += hierarchy_[child].area * elements[child];
       area += hierarchy_[child].area;
     }
-    elements[e] /= area;
+    elements[e] = power / area;
   });
   for (std::size_t e = 0; e < elements.size(); ++e) {
     const double open = light_.open[e];
@@ -182,11 +195,13 @@ Rgb RadiosityOperator::Norm(const LeafValues& values) const {
 
 void RadiosityOperator::Store(const LeafValues& irradiance, Light& light) const {
   for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
-    const Index leaf = rows_.leaves()[k];
-    light.irradiance[leaf] = (irradiance.col(Column(k)) + distant_.col(Column(k))).max(0.0);
-    light.radiosity[leaf] =
-        hierarchy_.PatchOf(leaf).emission + reflectance_.col(Column(k)) * light.irradiance[leaf];
-    light.variation[leaf] = 0;
+    const Rgb e = (irradiance.col(Column(k)) + distant_.col(Column(k))).max(0.0);
+    const Rgb b = hierarchy_.PatchOf(rows_.leaves()[k]).emission + reflectance_.col(Column(k)) * e;
+    ForEachWithin(hierarchy_, rows_.leaves()[k], [&](Index element) {
+      light.irradiance[element] = e;
+      light.radiosity[element] = b;
+      light.variation[element] = 0;
+    });
   }
   light.Pull(hierarchy_);
 }

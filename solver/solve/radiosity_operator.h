@@ -14,7 +14,8 @@ using LeafValues = Eigen::Array3Xd;
 /// systems; one application serves all. The same bits on any number of threads.
 class RadiosityOperator {
  public:
-  /// All must outlive the operator and stay as they are, but for Store().
+  /// What the rows call leaves may have elements below it: they have the same radiosity then. All must
+  /// outlive the operator and stay as they are, but for Store().
   RadiosityOperator(const Hierarchy& hierarchy, const Links& links, const Rows& rows, const Light& light);
 
   Eigen::Index size() const { return emission_.cols(); }

@@ -4,6 +4,7 @@
 #include <oneapi/tbb/parallel_for.h>
 
 #include <algorithm>
+#include <map>
 
 #include "solver/transport/node_transport.h"
 
@@ -28,6 +29,34 @@ Rows::Rows(const Hierarchy& hierarchy, const Links& links, const Light& light) :
            std::span(entries_).subspan(begin_[k], begin_[k + 1] - begin_[k]));
     }
   });
+}
+
+Rows::Rows(const Hierarchy& hierarchy, const Rows& of_leaves, const std::vector<Index>& nodes)
+    : leaves_(nodes), begin_(1, 0) {
+  std::vector<Index> node_of(hierarchy.size(), kNone);
+  for (Index k = 0; k < nodes.size(); ++k) {
+    node_of[nodes[k]] = k;
+  }
+  std::vector<std::map<Index, double>> sums(nodes.size());
+  std::vector<double> areas(nodes.size());
+  for (std::size_t k = 0; k < of_leaves.leaves().size(); ++k) {
+    const Index leaf = of_leaves.leaves()[k];
+    Index above = leaf;
+    while (node_of[above] == kNone) {
+      above = hierarchy[above].parent;
+    }
+    const Index node = node_of[above];
+    areas[node] += hierarchy[leaf].area;
+    for (const Gathered& entry : of_leaves[k]) {
+      sums[node][entry.shooter] += hierarchy[leaf].area * static_cast<double>(entry.weight);
+    }
+  }
+  for (std::size_t k = 0; k < nodes.size(); ++k) {
+    for (const auto& [shooter, sum] : sums[k]) {
+      entries_.push_back({shooter, static_cast<float>(sum / areas[k])});
+    }
+    begin_.push_back(entries_.size());
+  }
 }
 
 void Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Light& light, Index leaf,

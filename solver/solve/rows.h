@@ -27,6 +27,10 @@ class Rows {
   /// same bits on any number of threads.
   Rows(const Hierarchy& hierarchy, const Links& links, const Light& light);
 
+  /// Of the given nodes, which have no links of their own: the means by area of their leaves' rows,
+  ///   F_ij = Σ_q F_qj·A_q / A_i.
+  Rows(const Hierarchy& hierarchy, const Rows& of_leaves, const std::vector<Index>& nodes);
+
   std::span<const Index> leaves() const { return leaves_; }
   /// The row of leaves()[k].
   std::span<const Gathered> operator[](std::size_t k) const {

@@ -15,8 +15,9 @@ struct Iteration {
   double residual = 0;     ///< ‖πL_e + ρ·K·B − B‖ / ‖B‖ after them, by area, of the worst channel
   std::size_t elements = 0;
   std::size_t links = 0;
-  std::uint64_t rays = 0;  ///< cast so far
-  double seconds = 0;      ///< since the solve began
+  std::size_t factors = 0;  ///< form factors computed so far
+  std::uint64_t rays = 0;   ///< cast so far
+  double seconds = 0;       ///< since the solve began
 };
 
 /// Luminous power in lm, by channel. `escaped`, `absorbed_by_backs` and what lights without area and the sky

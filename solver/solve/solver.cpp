@@ -8,6 +8,8 @@
 #include "solver/refine/adaptive.h"
 #include "solver/refine/hierarchical.h"
 #include "solver/refine/linker.h"
+#include "solver/refine/matrix.h"
+#include "solver/refine/two_level.h"
 #include "solver/solve/krylov.h"
 #include "solver/solve/radiosity_operator.h"
 #include "solver/transport/node_transport.h"
@@ -19,6 +21,9 @@ namespace {
 // Multigridding: the threshold of the first pass, and its fall from pass to pass.
 constexpr double kFirstThreshold = 0.05;
 constexpr double kThresholdFall = 4;
+// Two levels: areas of patches and of elements at first, in those of the smallest elements.
+constexpr double kPatch = 64;
+constexpr double kElement = 4;
 
 /// Luminous power that the surfaces keep: all that is emitted, in a closed room; what of the sky and the sun
 /// comes in, in any.
@@ -44,26 +49,53 @@ class Solver {
     linker_.LinkRoots();
     Extend();
     const double a_min = options_.a_min * hierarchy_.patches().area;
-    if (options_.refinement == Refinement::kHierarchical) {
-      Refine(HierarchicalOracle(a_min, options_.f_max));
-      Iterate(options_.tolerance);
-    } else {
-      double threshold = kFirstThreshold;
-      Iterate(threshold);
-      while (!solution_.stopped && threshold > options_.w_min) {
-        threshold = std::max(options_.w_min, threshold / kThresholdFall);
-        ++now_.pass;
-        Refine(
-            AdaptiveOracle(solution_.light, a_min, threshold * AbsorbedPower(hierarchy_, solution_.light)));
-        // The next pass changes more than a fine solution of this one would.
-        Iterate(threshold > options_.w_min ? std::max(options_.tolerance, 0.01) : options_.tolerance);
-      }
+    switch (options_.refinement) {
+      case Refinement::kMatrix:
+        Refine(MatrixOracle(a_min));
+        Iterate(options_.tolerance);
+        break;
+      case Refinement::kTwoLevel:
+        RunTwoLevel(a_min);
+        break;
+      case Refinement::kHierarchical:
+        Refine(HierarchicalOracle(a_min, options_.f_max));
+        Iterate(options_.tolerance);
+        break;
+      case Refinement::kAdaptive:
+        RunAdaptive(a_min);
+        break;
     }
     solution_.links = linker_.links();
     return std::move(solution_);
   }
 
  private:
+  void RunAdaptive(double a_min) {
+    double threshold = kFirstThreshold;
+    Iterate(threshold);
+    while (!solution_.stopped && threshold > options_.w_min) {
+      threshold = std::max(options_.w_min, threshold / kThresholdFall);
+      ++now_.pass;
+      Refine(AdaptiveOracle(solution_.light, a_min, threshold * AbsorbedPower(hierarchy_, solution_.light)));
+      // The next pass changes more than a fine solution of this one would.
+      Iterate(threshold > options_.w_min ? std::max(options_.tolerance, 0.01) : options_.tolerance);
+    }
+  }
+
+  void RunTwoLevel(double a_min) {
+    const TwoLevelAreas areas{.patch = kPatch * a_min, .element = kElement * a_min};
+    Refine(TwoLevelOracle(areas, {}));
+    for (;;) {
+      IterateOnPatches(areas.patch);
+      const std::vector<Index> steep = SteepElements(hierarchy_, solution_.light, options_.gradient, a_min);
+      if (solution_.stopped || steep.empty()) {
+        break;
+      }
+      ++now_.pass;
+      Refine(TwoLevelOracle(areas, steep));
+    }
+  }
+
   void Refine(const Oracle& oracle) {
     linker_.Refine(oracle, [this] { return Stop(); });
     Extend();
@@ -84,7 +116,19 @@ class Solver {
 
   void Iterate(double tolerance) {
     const Rows rows(hierarchy_, linker_.links(), solution_.light);
-    const RadiosityOperator radiosity_operator(hierarchy_, linker_.links(), rows, solution_.light);
+    Iterate(RadiosityOperator(hierarchy_, linker_.links(), rows, solution_.light), tolerance);
+  }
+
+  /// The patches' radiosities first, then the elements' from those.
+  void IterateOnPatches(double patch_area) {
+    const Rows elements(hierarchy_, linker_.links(), solution_.light);
+    const Rows patches(hierarchy_, elements, PatchLevel(hierarchy_, patch_area));
+    Iterate(RadiosityOperator(hierarchy_, linker_.links(), patches, solution_.light), options_.tolerance);
+    const RadiosityOperator on_elements(hierarchy_, linker_.links(), elements, solution_.light);
+    on_elements.Store(on_elements.Gather(on_elements.Radiosity(solution_.light)), solution_.light);
+  }
+
+  void Iterate(const RadiosityOperator& radiosity_operator, double tolerance) {
     const auto note = [this](const Convergence& convergence) {
       now_.sweeps = convergence.applications;
       now_.residual = convergence.residual;
@@ -103,6 +147,7 @@ class Solver {
   void Note() {
     now_.elements = hierarchy_.size();
     now_.links = linker_.links().size();
+    now_.factors = linker_.measured();
     now_.rays = visibility_.Counted().rays;
     now_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
   }

@@ -11,12 +11,15 @@
 
 namespace radbake {
 
-enum class Refinement { kHierarchical, kAdaptive };
+enum class Refinement { kMatrix, kTwoLevel, kHierarchical, kAdaptive };
 enum class IterationMethod { kKrylov, kSweeps };
 
 struct SolveOptions {
   Refinement refinement = Refinement::kAdaptive;
-  double a_min = 1e-5;  ///< elements below this share of the scene's area are not divided
+  /// Elements below this share of the scene's area are not divided; kMatrix: the largest leaves are as large.
+  double a_min = 1e-5;
+  /// kTwoLevel: neighbours may differ by this share of the RMS irradiance.
+  double gradient = 0.1;
   double f_max = 0.05;  ///< kHierarchical
   double w_min = 1e-5;  ///< kAdaptive: of the last pass; share of the emitted power
   IterationMethod iteration = IterationMethod::kKrylov;

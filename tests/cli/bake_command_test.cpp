@@ -107,7 +107,7 @@ TEST_F(BakeCommand, RefusesBadUsageInOneLineWithExitCodeTwo) {
            {{"bake", scene, "-o", baked, "--error", "0.9"},
             "error takes a number from 0.001 to 0.5, not 0.9"},
            {{"bake", scene, "-o", baked, "--error", "-1"}, "error takes"},
-           {{"bake", scene, "-o", baked, "--method", "matrix"}, "method takes hierarchical or adaptive"},
+           {{"bake", scene, "-o", baked, "--method", "best"}, "method takes matrix, two-level"},
            {{"bake", scene, "-o", baked, "--output", "lightmap"}, "output.kind takes vertex"},
            {{"bake", scene, "-o", baked, "--threads", "0"}, "--threads"},
            {{"bake", scene, "-o", baked, "--progress", "loud"}, "--progress"},

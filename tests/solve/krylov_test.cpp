@@ -88,7 +88,8 @@ TEST(Krylov, TheResidualIsTrue) {
   SolveOptions options = Coarse(Refinement::kHierarchical, IterationMethod::kKrylov);
   SolvedScene solved(testing::ShadowRoom(), options);
   const Rows rows(solved.hierarchy, solved.solution.links, solved.solution.light);
-  const RadiosityOperator radiosity_operator(solved.hierarchy, solved.solution.links, rows, solved.solution.light);
+  const RadiosityOperator radiosity_operator(solved.hierarchy, solved.solution.links, rows,
+                                             solved.solution.light);
   Light& light = solved.solution.light;
   light.radiosity.assign(light.radiosity.size(), Rgb::Constant(1));
   const auto at_once = [](const Convergence&) { return true; };
