@@ -202,10 +202,14 @@ int main(int argc, char** argv) {
   bool insecure = false;
   AddClients(app, tokens, insecure);
   std::string keep = "24h";
+  std::string grace = "10s";
+  app.add_option("--grace", grace, "How long running bakes may go on when the service is stopped")
+      ->capture_default_str();
   app.add_option("--keep", keep, "How long ended jobs are kept: 90s, 30m, 24h, 7d")->capture_default_str();
   try {
     app.parse(argc, argv);
     options.keep = ParseDuration("--keep", keep);
+    workers.grace = ParseDuration("--grace", grace);
     ParseListen(listen, http);
     if (!IsLoopback(http.host) && tokens.empty() && !insecure) {
       throw CLI::ValidationError("--listen",

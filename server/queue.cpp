@@ -279,17 +279,32 @@ Added Queue::Add(const NewJob& job) {
 
 std::optional<Job> Queue::Claim() {
   const std::lock_guard lock(writer_.mutex);
-  Statement claim(writer_.database.get(),
-                  "UPDATE jobs SET status = 'running', started = ?, attempt = attempt + 1, progress = 0,"
-                  " told = '{}' WHERE sequence = (SELECT min(sequence) FROM jobs WHERE status = 'queued')"
-                  " RETURNING " +
-                      kColumns,
-                  Now());
-  if (!claim.Step()) {
+  sqlite3* database = writer_.database.get();
+  Transaction transaction(database);
+  Statement next(database, R"(
+      SELECT min(sequence) FROM jobs AS job LEFT JOIN turns USING (owner) WHERE status = 'queued' GROUP BY owner
+      ORDER BY (SELECT count(*) FROM jobs WHERE status = 'running' AND owner = job.owner), coalesce(taken, 0),
+               min(sequence)
+      LIMIT 1)");
+  if (!next.Step()) {
     return std::nullopt;
   }
+  const std::int64_t sequence = next.Integer();
+  next.Run();
+  Statement claim(database,
+                  "UPDATE jobs SET status = 'running', started = ?, attempt = attempt + 1, progress = 0,"
+                  " told = '{}' WHERE sequence = ? RETURNING " +
+                      kColumns,
+                  Now(), sequence);
+  claim.Step();
   Job job = claim.ReadJob();
   claim.Run();
+  Statement(database,
+            "INSERT INTO turns (owner, taken) SELECT ?, coalesce(max(taken), 0) + 1 FROM turns WHERE true"
+            " ON CONFLICT (owner) DO UPDATE SET taken = excluded.taken",
+            job.owner)
+      .Run();
+  transaction.Commit();
   return job;
 }
 

@@ -114,7 +114,8 @@ class Queue {
 
   /// A new job, queued; or the one that its key has made before.
   Added Add(const NewJob& job);
-  /// The oldest queued job, now running; nothing if there is none.
+  /// The next queued job, now running; nothing if there is none. Owners take turns: it is the oldest of the
+  /// owner who has fewest jobs running, and among such, of whom none was taken for longest.
   std::optional<Job> Claim();
   /// An attempt has ended. False if the job does not run, or not in this attempt.
   bool Finish(const std::string& id, int attempt, Status status, const Live& live,

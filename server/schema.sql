@@ -31,3 +31,9 @@ CREATE TABLE IF NOT EXISTS keys (
 ) STRICT;
 
 CREATE INDEX IF NOT EXISTS keys_of_job ON keys (job);
+
+-- When a worker took a job of an owner's last.
+CREATE TABLE IF NOT EXISTS turns (
+  owner TEXT    NOT NULL PRIMARY KEY,
+  taken INTEGER NOT NULL              -- counts the jobs that were taken, of all owners
+) STRICT;

@@ -94,13 +94,14 @@ Workers::Workers(Queue& queue, Options options, std::function<JobFiles(const std
 
 Workers::~Workers() {
   {
-    const std::lock_guard lock(mutex_);
+    std::unique_lock lock(mutex_);
     stopping_ = true;
+    changed_.notify_all();
+    ended_.wait_for(lock, options_.grace, [&] { return running_.empty(); });
     for (const auto& [id, running] : running_) {
       running->stop.Raise();
     }
   }
-  changed_.notify_all();
   for (std::thread& thread : threads_) {
     thread.join();
   }
@@ -142,6 +143,7 @@ void Workers::Work() {
       const std::lock_guard lock(mutex_);
       running_.erase(job.id);
     }
+    ended_.notify_all();
     try {
       if (!queue_.Find(job.id)) {
         std::filesystem::remove_all(files_(job.id).folder);

@@ -1,6 +1,7 @@
 /// The workers: each takes the oldest queued job, bakes it in a child process, and writes down how it ended.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <filesystem>
 #include <functional>
@@ -50,11 +51,13 @@ class Workers {
     int count = 1;                  ///< children at a time
     int threads = 1;                ///< of each
     ChildLimits limits;             ///< of each
+    std::chrono::seconds grace{0};  ///< that running children get to end when the workers stop
   };
 
   /// Starts the threads. `files` gives the files of a job. The queue must outlive this object.
   Workers(Queue& queue, Options options, std::function<JobFiles(const std::string& id)> files);
-  /// Stops the children; their jobs go back to the queue.
+  /// Takes no more jobs, gives the children their grace, and stops those that are left: their jobs go back to
+  /// the queue.
   ~Workers();
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;
@@ -85,6 +88,7 @@ class Workers {
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
+  std::condition_variable ended_;  ///< one of the running
   bool stopping_ = false;
   std::map<std::string, std::shared_ptr<Running>> running_;
   std::vector<std::thread> threads_;

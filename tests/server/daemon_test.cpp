@@ -52,12 +52,35 @@ class DaemonTest : public testing::Test {
 };
 
 TEST_F(DaemonTest, StopsCleanlyOnSigterm) {
-  Daemon daemon(data(), Program("echo $$ >> $test/pids; exec sleep 1000"));
+  Daemon daemon(data(), Program("echo $$ >> $test/pids; exec sleep 1000"), {"--grace", "0s"});
   ASSERT_NE(daemon.port(), 0);
   daemon.client().WaitFor(daemon.client().PostScene(), "running");
   EXPECT_TRUE(Eventually([&] { return Lines("pids") == 1; }));
   EXPECT_EQ(daemon.End(SIGTERM), 0);
   EXPECT_TRUE(ChildrenAreGone());
+}
+
+TEST_F(DaemonTest, LetsABakeEndWithinItsGrace) {
+  const std::filesystem::path program =
+      Program("touch $test/started; while [ ! -e $test/go ]; do sleep 0.02; done" + kBakes);
+  std::string job;
+  {
+    Daemon daemon(data(), program, {"--grace", "1m"});
+    ASSERT_NE(daemon.port(), 0);
+    job = daemon.client().PostScene();
+    EXPECT_TRUE(Eventually([&] { return std::filesystem::exists(folder() / "started"); }));
+    std::thread later([&] {
+      EXPECT_TRUE(Eventually([&] { return daemon.client().Get(job).status == 0; }))
+          << "it takes no more requests";
+      WriteFile(folder() / "go", "");
+    });
+    EXPECT_EQ(daemon.End(SIGTERM), 0);
+    later.join();
+  }
+  Daemon next(data(), folder() / "radbake");
+  ASSERT_NE(next.port(), 0);
+  EXPECT_EQ(next.client().Get(job).Json().at("attempt"), 1);
+  EXPECT_EQ(next.client().Get(job).Json().at("status"), "succeeded");
 }
 
 TEST_F(DaemonTest, RefusesToStartWithAnErrorWhenItCannotServe) {

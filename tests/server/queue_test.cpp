@@ -30,6 +30,27 @@ TEST_F(QueueTest, GivesTheOldestJobFirstAndEachOnce) {
   EXPECT_FALSE(queue.Claim());
 }
 
+TEST_F(QueueTest, GivesOwnersTheirTurns) {
+  Queue queue(file());
+  for (const char* id : {"a1", "a2", "a3", "b1", "b2", "c1"}) {
+    queue.Add({id, std::string(1, id[0]), "s", std::nullopt});
+  }
+  const auto claim = [&] { return queue.Claim().value().id; };
+  const auto finish = [&](const std::string& id) {
+    EXPECT_TRUE(queue.Finish(id, 1, Status::kSucceeded, {}, std::nullopt));
+    return id;
+  };
+  EXPECT_EQ(finish(claim()), "a1");
+  EXPECT_EQ(finish(claim()), "b1") << "it is older than c1, and a has just had a turn";
+  EXPECT_EQ(finish(claim()), "c1");
+  EXPECT_EQ(finish(claim()), "a2");
+  EXPECT_EQ(claim(), "b2");
+  queue.Add({"b3", "b", "s", std::nullopt});
+  EXPECT_EQ(claim(), "a3");
+  EXPECT_EQ(claim(), "b3") << "nobody waits for want of a turn";
+  EXPECT_FALSE(queue.Claim());
+}
+
 TEST_F(QueueTest, PutsAReleasedJobBackInItsPlace) {
   Queue queue(file());
   Add(queue, "first");
