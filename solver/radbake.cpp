@@ -127,6 +127,7 @@ MeshOptions MeshOptionsOf(const Parameters& parameters) {
 GatherOptions GatherOptionsOf(const Parameters& parameters) {
   GatherOptions options;
   options.rays = std::clamp(static_cast<int>(std::lround(4 / parameters.error)), 64, 4096);
+  options.negligible = 0.02 * parameters.error;
   return options;
 }
 

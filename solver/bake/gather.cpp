@@ -73,17 +73,16 @@ bool Gatherer::IsSealed(const Vec3& x, Index leaf) const {
 
 Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale, QuasiRandom<2>& on_polygon,
                     QuasiRandom<3>& on_cluster, std::uint64_t& key) const {
-  // A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters.
-  constexpr double kNegligible = 0.02;
   const bool self = link.receiver == link.shooter;
   const Rgb shooting = self ? light_.cluster_radiosity[link.shooter - kFirstCluster].mean
                             : light_.Shooting(hierarchy_, link.shooter, x);
-  const double most = std::min(1.0, Luminance(shooting) / scale * link.form_factor) * options_.rays;
+  const double brightness = Luminance(shooting) / scale;
+  // A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters.
   // Hundreds of links that hardly matter may err the same way, as in a cavity of a cluster: a few of them
   // cast a ray for all (Russian roulette).
   double chance = 1;
   if (!link.clear) {
-    chance = std::min(1.0, most * Uncertainty(link) / kNegligible);
+    chance = std::min(1.0, brightness * link.form_factor * Uncertainty(link) / options_.negligible);
     key = Hash(key);
     if (static_cast<double>(key >> 11U) * 0x1p-53 >= chance) {
       chance = 0;
@@ -92,8 +91,11 @@ Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale
   if (chance == 0 && link.visibility == 0) {
     return Rgb::Zero();
   }
+  // The link's own mean will do where that is all but the point's.
+  const bool mean = self || ((chance == 0 || link.clear) && IsElement(link.receiver) &&
+                             brightness * link.variation < options_.negligible);
   const double unoccluded =
-      self ? static_cast<double>(link.form_factor) : UnoccludedAt(hierarchy_, x, n, link.shooter);
+      mean ? static_cast<double>(link.form_factor) : UnoccludedAt(hierarchy_, x, n, link.shooter);
   const Rgb open = unoccluded * shooting;
   if (link.clear) {
     return open;

@@ -111,6 +111,16 @@ NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibil
   result.visibility.judged = all[0] > 0 ? open[0] / all[0] : 1;
   result.visibility.carried = all[1] > 0 ? open[1] / all[1] : result.visibility.judged;
   if (light != nullptr && IsElement(receiver)) {
+    // Points cost nothing beside rays.
+    constexpr int kPoints = 512;
+    double integral = 0;
+    const Polygon shape = hierarchy.Shape(receiver);
+    QuasiRandom<2> points(key);
+    for (int k = 0; k < kPoints; ++k) {
+      const auto u = points.Next();
+      integral += PunctualKernel(*light, PointOn(shape, u[0], u[1]), shape.normal);
+    }
+    result.form_factor = integral / kPoints;
     result.variation = highest - lowest;
     return result;
   }
