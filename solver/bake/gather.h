@@ -8,7 +8,7 @@
 namespace radbake {
 
 struct GatherOptions {
-  int rays = 64;  ///< to a shooter that gives all of a point's light; others in proportion
+  int rays = 64;             ///< to a shooter that gives all of a point's light; others in proportion
   double negligible = 4e-4;  ///< share of a point's light that may be wrong without being looked at
 };
 

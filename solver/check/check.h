@@ -25,8 +25,9 @@ struct CheckOptions {
 
 /// Relative RMS error = ‖E_bake − E‖ / ‖E‖ over the baked surface by area and the three channels, the path
 /// tracer's own noise taken out. Probes where the bake has no surface count as `missing` and for nothing
-/// else; those that nobody sees, as on a floor under a body, for nothing at all. The intervals tell how far the same measurement with other probes and paths may lie; they know
-/// nothing of an error on a part of the surface so small that no probe met it.
+/// else; those that nobody sees, as on a floor under a body, for nothing at all. The intervals tell how far
+/// the same measurement with other probes and paths may lie; they know nothing of an error on a part of the
+/// surface so small that no probe met it.
 struct CheckSummary {
   std::size_t probes = 0;  ///< done, those where the bake is missing among them
   std::size_t paths = 0;   ///< traced for all probes

@@ -9,6 +9,9 @@ namespace {
 // A sampled visibility of 0 or 1 that no shaft proves may still hide this much.
 constexpr double kUnproved = 0.05;
 
+// What a black surface keeps is part of the energy balance, though nothing is seen of how it is spread.
+constexpr double kLeastPassedOn = 0.05;
+
 double VisibilityUncertainty(const Link& link) {
   if (link.clear) {
     return 0;
@@ -62,7 +65,7 @@ AdaptiveOracle::Shot AdaptiveOracle::ShotOf(const Hierarchy& hierarchy, const Li
 Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) const {
   const Shot shot = ShotOf(hierarchy, link);
   const double area = hierarchy.Area(link.receiver);
-  const double passed_on = LargestReflectance(hierarchy, link.receiver);
+  const double passed_on = std::max(kLeastPassedOn, LargestReflectance(hierarchy, link.receiver));
   const double form_factor = link.form_factor;
   const double by_kernel = shot.radiosity * area * link.variation * link.judged * passed_on;
   const double by_visibility = shot.radiosity * area * form_factor * VisibilityUncertainty(link) * passed_on;
