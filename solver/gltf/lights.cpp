@@ -49,11 +49,11 @@ void ReadCones(const Json& json, const Place& place, PunctualLight& light) {
   constexpr double kWidest = std::numbers::pi / 2 + 1e-6;
   const double outer = Number(spot, "outerConeAngle", std::numbers::pi / 4, place);
   const double inner = Number(spot, "innerConeAngle", 0, place);
-  if (!(outer > 0 && outer <= kWidest)) {
+  if (outer <= 0 || outer > kWidest) {
     Fail(place, "outerConeAngle is not an angle above 0 up to π/2");
   }
   // The extension wants it smaller, but exporters write two equal ones for a cone with a sharp edge.
-  if (!(inner >= 0 && inner <= outer)) {
+  if (inner < 0 || inner > outer) {
     Fail(place, "innerConeAngle is not an angle from 0 to outerConeAngle");
   }
   light.inner_cosine = std::cos(inner);
