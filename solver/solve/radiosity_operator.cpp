@@ -195,11 +195,12 @@ Rgb RadiosityOperator::Norm(const LeafValues& values) const {
 
 void RadiosityOperator::Store(const LeafValues& irradiance, Light& light) const {
   for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
+    const Index leaf = rows_.leaves()[k];
     const Rgb e = (irradiance.col(Column(k)) + distant_.col(Column(k))).max(0.0);
-    const Rgb b = hierarchy_.PatchOf(rows_.leaves()[k]).emission + reflectance_.col(Column(k)) * e;
-    ForEachWithin(hierarchy_, rows_.leaves()[k], [&](Index element) {
+    const Rgb reflected = reflectance_.col(Column(k)) * e;
+    ForEachWithin(hierarchy_, leaf, [&](Index element) {
       light.irradiance[element] = e;
-      light.radiosity[element] = b;
+      light.radiosity[element] = light.open[element] * hierarchy_.PatchOf(leaf).emission + reflected;
       light.variation[element] = 0;
     });
   }
