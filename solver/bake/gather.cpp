@@ -96,11 +96,11 @@ Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale
                              brightness * link.variation < options_.negligible);
   const double unoccluded =
       mean ? static_cast<double>(link.form_factor) : UnoccludedAt(hierarchy_, x, n, link.shooter);
-  const Rgb open = unoccluded * shooting;
+  Rgb open = unoccluded * shooting;
   if (link.clear) {
     return open;
   }
-  const Rgb expected = link.visibility * open;
+  Rgb expected = link.visibility * open;
   if (chance == 0) {
     return expected;
   }

@@ -20,7 +20,7 @@ double AreaKernel(const SurfacePoint& from, const SurfacePoint& to, double to_ar
   const double out = along.dot(from.normal);
   const double in = -along.dot(to.normal);
   const double r2 = along.squaredNorm();
-  if (!(out > 0 && in > 0 && r2 > 0)) {
+  if (out <= 0 || in <= 0 || r2 <= 0) {
     return 0;
   }
   return to_area * out * in / (r2 * (std::numbers::pi * r2 + to_area / kHighest));

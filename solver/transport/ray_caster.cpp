@@ -145,7 +145,7 @@ class Stopwatch {
   static constexpr std::chrono::nanoseconds kLongest = std::chrono::microseconds(50);
 
   static std::chrono::nanoseconds ClockCost() {
-    static const std::chrono::nanoseconds cost = [] {
+    static const std::chrono::nanoseconds kCost = [] {
       auto least = Clock::duration::max();
       for (int k = 0; k < 100; ++k) {
         const auto start = Clock::now();
@@ -153,7 +153,7 @@ class Stopwatch {
       }
       return least;
     }();
-    return cost;
+    return kCost;
   }
 
   std::atomic<std::uint64_t>* nanoseconds_ = nullptr;
