@@ -91,11 +91,8 @@ Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale
   if (chance == 0 && link.visibility == 0) {
     return Rgb::Zero();
   }
-  // The link's own mean will do where that is all but the point's.
-  const bool mean = self || ((chance == 0 || link.clear) && IsElement(link.receiver) &&
-                             brightness * link.variation < options_.negligible);
   const double unoccluded =
-      mean ? static_cast<double>(link.form_factor) : UnoccludedAt(hierarchy_, x, n, link.shooter);
+      self ? static_cast<double>(link.form_factor) : UnoccludedAt(hierarchy_, x, n, link.shooter);
   Rgb open = unoccluded * shooting;
   if (link.clear) {
     return open;

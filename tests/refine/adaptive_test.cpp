@@ -53,14 +53,21 @@ TEST(AdaptiveOracle, DividesALitReceiverThatTheFormFactorVariesOver) {
   EXPECT_EQ(AdaptiveOracle(light, above, 1e-3).Judge(hierarchy, LampToFloor()), Decision::kKeep);
 }
 
-TEST(AdaptiveOracle, NeverDividesAReceiverThatReflectsNothing) {
-  const FloorAndLamp scene(0);
-  const Hierarchy hierarchy(scene.patches);
+TEST(AdaptiveOracle, DividesABlackReceiverOnlyAsFarAsTheEnergyBalanceAsks) {
+  const FloorAndLamp white(0.5);
+  const FloorAndLamp black(0);
+  const auto judge = [](const FloorAndLamp& scene, const Link& link, double w_min) {
+    const Hierarchy hierarchy(scene.patches);
+    return AdaptiveOracle(scene.Emitted(hierarchy, 0), 0, w_min).Judge(hierarchy, link);
+  };
   Link link = LampToFloor();
-  EXPECT_EQ(AdaptiveOracle(scene.Emitted(hierarchy, 0), 0, 1e-12).Judge(hierarchy, link), Decision::kKeep);
+  EXPECT_EQ(judge(white, link, 0.01), Decision::kDivideReceiver);
+  EXPECT_EQ(judge(black, link, 0.01), Decision::kKeep);
+  EXPECT_EQ(judge(black, link, 0.001), Decision::kDivideReceiver);
   link.clear = false;
   link.judged = 0.5F;
-  EXPECT_EQ(AdaptiveOracle(scene.Emitted(hierarchy, 0), 0, 1e-12).Judge(hierarchy, link), Decision::kKeep);
+  EXPECT_EQ(judge(white, link, 0.02), Decision::kDivideReceiver);
+  EXPECT_EQ(judge(black, link, 0.02), Decision::kKeep);
 }
 
 TEST(AdaptiveOracle, DividesAShooterThatShinesUnevenly) {
