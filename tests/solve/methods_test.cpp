@@ -52,7 +52,7 @@ Scene Load(const std::string& name) {
   return gltf::Document(gltf::ReadSource(RADBAKE_SOURCE_DIR "/scenes/" + name)).scene();
 }
 
-TEST(Methods, FurnacesGlowEvenlyAtEveryVertex) {
+TEST(AccuracyOfMethods, FurnacesGlowEvenlyAtEveryVertex) {
   for (const double reflectance : {0.5, 0.99}) {
     for (const Scene& scene : {testing::FurnaceBox(reflectance), testing::FurnaceSphere(reflectance, 1)}) {
       for (const Setting& setting : kCoarse) {
