@@ -26,7 +26,8 @@ struct OracleParameters {
   std::optional<double> a_min;
   /// `hierarchical`: the largest form factor that a link between divisible elements may have.
   std::optional<double> f_max;
-  /// `adaptive`: the largest uncertainty of a link's transported power, as a share of the emitted power.
+  /// `adaptive`: the largest uncertainty of a link's transported power, as a share of the power that the
+  /// surfaces absorb (all that is emitted, in a closed room).
   std::optional<double> w_min;
 };
 

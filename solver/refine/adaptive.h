@@ -16,7 +16,7 @@ namespace radbake {
 /// is below W_min. Divides the side that the larger part comes from, down to A_min.
 class AdaptiveOracle : public Oracle {
  public:
-  /// `a_min` normalised area; `w_min` as a share of the emitted power. `light` must outlive the oracle and
+  /// `a_min` normalised area; `w_min` normalised power. `light` must outlive the oracle and
   /// have been extended to all elements that links use when they are judged; younger elements are judged by
   /// their nearest older ancestor.
   AdaptiveOracle(const Light& light, double a_min, double w_min)

@@ -21,7 +21,7 @@ struct SolveOptions {
   /// kTwoLevel: neighbours may differ by this share of the RMS irradiance.
   double gradient = 0.1;
   double f_max = 0.05;  ///< kHierarchical
-  double w_min = 1e-5;  ///< kAdaptive: of the last pass; share of the emitted power
+  double w_min = 1e-5;  ///< kAdaptive: of the last pass; share of the absorbed power
   IterationMethod iteration = IterationMethod::kKrylov;
   double tolerance = 1e-4;   ///< largest relative error of the radiosity that the iteration may leave
   int visibility_rays = 32;  ///< even
