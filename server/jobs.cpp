@@ -50,7 +50,7 @@ Draft::~Draft() {
 }
 
 Jobs::Jobs(const std::filesystem::path& data, const Options& options)
-    : folder_(data / "jobs"), keep_(options.keep) {
+    : folder_(data / "jobs"), keep_(options.keep), least_free_(options.least_free) {
   std::filesystem::create_directories(folder_);
   lock_ = LockFolder(data);
   queue_.emplace(data / "jobs.sqlite", options.keep);
@@ -67,7 +67,7 @@ Jobs::Jobs(const std::filesystem::path& data, const Options& options)
     std::filesystem::remove_all(orphan);
   }
   SyncFolder(data);
-  workers_.emplace(*queue_, options.workers, [this](const std::string& id) { return Files(id); });
+  workers_.emplace(*queue_, metrics_, options.workers, [this](const std::string& id) { return Files(id); });
   forgetter_ = std::thread([this] { Forget(); });
 }
 
@@ -159,6 +159,27 @@ bool Jobs::Remove(const std::string& id) {
     std::filesystem::remove_all(Files(id).folder, ignored);
   }
   return true;
+}
+
+std::string Jobs::Trouble() {
+  try {
+    queue_->Count();
+  } catch (const QueueError&) {
+    return "the database cannot be read";
+  }
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(folder_, error);
+  if (error) {
+    return "the data folder is gone";
+  }
+  if (space.available < least_free_) {
+    return "the disk has less than the " + std::to_string(least_free_) + " bytes left that it should have";
+  }
+  return workers_->alive() == 0 ? "no worker takes jobs" : "";
+}
+
+std::uint64_t Jobs::FreeBytes() const {
+  return std::filesystem::space(folder_).available;
 }
 
 nlohmann::json ToJson(const Job& job) {

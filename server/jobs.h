@@ -8,7 +8,9 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <cstdint>
 #include <filesystem>
+#include <map>
 #include <mutex>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -17,6 +19,7 @@
 #include <vector>
 
 #include "server/files.h"
+#include "server/metrics.h"
 #include "server/queue.h"
 #include "server/worker.h"
 
@@ -49,6 +52,7 @@ class Jobs {
   struct Options {
     Workers::Options workers;
     std::chrono::milliseconds keep = std::chrono::hours(24);  ///< how long ended jobs are kept
+    std::uint64_t least_free = 0;  ///< bytes of the disk below which no job should come
   };
 
   /// Takes the data folder (and makes it if need be), queues again what was running when its last server
@@ -68,6 +72,13 @@ class Jobs {
   /// A page of jobs, newest first. How to go on is Cursor() of its last.
   std::vector<Job> List(const Page& page);
   Waiting CountQueued(const std::string& owner) { return queue_->CountQueued(owner); }
+  std::map<Status, std::size_t> Count() { return queue_->Count(); }
+  /// What keeps jobs from being taken and baked now (the database, the disk, the workers), in a sentence;
+  /// empty: nothing.
+  std::string Trouble();
+  /// Bytes that the disk of the data folder has left. Throws std::filesystem::filesystem_error.
+  std::uint64_t FreeBytes() const;
+  Metrics& metrics() { return metrics_; }
   JobFiles Files(const std::string& id) const;
   /// False if the job has ended already or is not there.
   bool Cancel(const std::string& id);
@@ -79,6 +90,8 @@ class Jobs {
 
   std::filesystem::path folder_;
   std::chrono::milliseconds keep_;
+  std::uint64_t least_free_;
+  Metrics metrics_;
   Descriptor lock_;
   std::optional<Queue> queue_;
   std::optional<Workers> workers_;

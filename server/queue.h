@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -134,6 +135,8 @@ class Queue {
   std::vector<Job> List(const Page& page);
   /// How many jobs wait.
   Waiting CountQueued(const std::string& owner);
+  /// How many jobs there are in each state.
+  std::map<Status, std::size_t> Count();
 
  private:
   class Statement;

@@ -6,13 +6,18 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <cstdint>
+#include <fstream>
 #include <system_error>
 #include <utility>
+
+#include "server/log.h"
 
 namespace radbake::server {
 namespace {
 
 constexpr int kBaked = 0;
+constexpr int kFailed = 1;
 constexpr int kBadInput = 2;
 constexpr std::chrono::seconds kRetry{1};
 
@@ -47,6 +52,36 @@ std::string LimitHit(const ChildEnd& end, const ChildLimits& limits) {
     return "the bake wrote more than the " + std::to_string(limits.file_size) + " bytes that a file may have";
   }
   return "";
+}
+
+// Why the child did not end by itself; nothing: it did.
+std::optional<KillReason> Killed(const ChildEnd& end, bool stopped) {
+  if (end.late) {
+    return KillReason::kTime;
+  }
+  if (end.signal == SIGXCPU) {
+    return KillReason::kCpuTime;
+  }
+  if (end.signal == SIGXFSZ) {
+    return KillReason::kFileSize;
+  }
+  if (stopped) {
+    return KillReason::kStopped;
+  }
+  if (end.exit_code == kFailed && Reason(end) == "out of memory") {
+    return KillReason::kMemory;
+  }
+  return end.signal == 0 ? std::nullopt : std::optional(KillReason::kSignal);
+}
+
+// What a finished bake says that it has traced; 0: nothing.
+std::uint64_t Rays(const std::filesystem::path& statistics) {
+  std::ifstream file(statistics, std::ios::binary);
+  const nlohmann::json told = nlohmann::json::parse(file, nullptr, false);
+  const nlohmann::json::json_pointer count("/rays/count");
+  return told.is_object() && told.contains(count) && told.at(count).is_number_unsigned()
+             ? told.at(count).get<std::uint64_t>()
+             : 0;
 }
 
 void PublishResult(const JobFiles& files) {
@@ -85,8 +120,13 @@ void ReadProgress(std::string_view line, Live& live) {
   }
 }
 
-Workers::Workers(Queue& queue, Options options, std::function<JobFiles(const std::string& id)> files)
-    : queue_(queue), options_(std::move(options)), files_(std::move(files)) {
+Workers::Workers(Queue& queue, Metrics& metrics, Options options,
+                 std::function<JobFiles(const std::string& id)> files)
+    : queue_(queue),
+      metrics_(metrics),
+      options_(std::move(options)),
+      files_(std::move(files)),
+      alive_(options_.count) {
   for (int i = 0; i < options_.count; ++i) {
     threads_.emplace_back([this] { Work(); });
   }
@@ -138,6 +178,7 @@ bool Workers::stopping() const {
 void Workers::Work() {
   Job job;
   while (const std::shared_ptr<Running> running = Claim(job)) {
+    const LogScope scope({{"job", job.id}});
     Bake(job, *running);
     {
       const std::lock_guard lock(mutex_);
@@ -149,9 +190,10 @@ void Workers::Work() {
         std::filesystem::remove_all(files_(job.id).folder);
       }
     } catch (const std::exception& error) {
-      spdlog::error("job {}: {}", job.id, error.what());  // the next start removes what is left
+      spdlog::error("{}", error.what());  // the next start removes what is left
     }
   }
+  --alive_;
 }
 
 // Claims and registers under one lock, so that Stop() finds every job that the queue calls running.
@@ -173,7 +215,11 @@ std::shared_ptr<Workers::Running> Workers::Claim(Job& job) {
 }
 
 void Workers::Bake(const Job& job, Running& running) {
-  spdlog::info("job {}: started", job.id);
+  spdlog::info("the bake starts");
+  if (job.attempt == 1) {
+    metrics_.CountStart(Now() - job.created);
+  }
+  const auto begin = std::chrono::steady_clock::now();
   ChildEnd end;
   try {
     end = RunBake(job, running);
@@ -181,9 +227,10 @@ void Workers::Bake(const Job& job, Running& running) {
       PublishResult(files_(job.id));
     }
   } catch (const std::exception& error) {
-    spdlog::error("job {}: {}", job.id, error.what());
+    spdlog::error("{}", error.what());
     end = {};  // the client need not learn the server's paths
   }
+  Count(job, end, running.stop.raised(), std::chrono::steady_clock::now() - begin);
   Live live = Find(job.id).value_or(Live());
   Persist([&] {
     if (end.exit_code == kBaked) {
@@ -203,7 +250,20 @@ void Workers::Bake(const Job& job, Running& running) {
                                HowItEnded(end)));
     }
   });
-  spdlog::info("job {}: {}", job.id, HowItEnded(end));
+  spdlog::info("the bake {}", HowItEnded(end));
+}
+
+void Workers::Count(const Job& job, const ChildEnd& end, bool stopped,
+                    std::chrono::duration<double> seconds) {
+  const bool baked = end.exit_code == kBaked;
+  const char* const outcome = baked                        ? "baked"
+                              : end.exit_code == kBadInput ? "refused"
+                              : stopped                    ? "stopped"
+                                                           : "failed";
+  metrics_.CountBake(outcome, seconds, baked ? Rays(files_(job.id).Statistics()) : 0);
+  if (const std::optional<KillReason> reason = Killed(end, stopped)) {
+    metrics_.CountKill(*reason);
+  }
 }
 
 ChildEnd Workers::RunBake(const Job& job, Running& running) {

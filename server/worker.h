@@ -1,6 +1,7 @@
 /// The workers: each takes the oldest queued job, bakes it in a child process, and writes down how it ended.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <filesystem>
@@ -16,6 +17,7 @@
 #include <vector>
 
 #include "server/child.h"
+#include "server/metrics.h"
 #include "server/queue.h"
 
 namespace radbake::server {
@@ -54,8 +56,10 @@ class Workers {
     std::chrono::seconds grace{0};  ///< that running children get to end when the workers stop
   };
 
-  /// Starts the threads. `files` gives the files of a job. The queue must outlive this object.
-  Workers(Queue& queue, Options options, std::function<JobFiles(const std::string& id)> files);
+  /// Starts the threads. `files` gives the files of a job. The queue and the metrics must outlive this
+  /// object.
+  Workers(Queue& queue, Metrics& metrics, Options options,
+          std::function<JobFiles(const std::string& id)> files);
   /// Takes no more jobs, gives the children their grace, and stops those that are left: their jobs go back to
   /// the queue.
   ~Workers();
@@ -68,6 +72,8 @@ class Workers {
   /// had one; its folder then belongs to the worker, which removes it when the job is no longer in the queue.
   bool Stop(const std::string& id);
   std::optional<Live> Find(const std::string& id) const;
+  /// How many take jobs.
+  int alive() const { return alive_; }
 
  private:
   struct Running {
@@ -78,11 +84,13 @@ class Workers {
   void Work();
   std::shared_ptr<Running> Claim(Job& job);
   void Bake(const Job& job, Running& running);
+  void Count(const Job& job, const ChildEnd& end, bool stopped, std::chrono::duration<double> seconds);
   ChildEnd RunBake(const Job& job, Running& running);
   void Persist(const std::function<void()>& change);
   bool stopping() const;
 
   Queue& queue_;
+  Metrics& metrics_;
   Options options_;
   std::function<JobFiles(const std::string&)> files_;
 
@@ -91,6 +99,7 @@ class Workers {
   std::condition_variable ended_;  ///< one of the running
   bool stopping_ = false;
   std::map<std::string, std::shared_ptr<Running>> running_;
+  std::atomic<int> alive_;
   std::vector<std::thread> threads_;
 };
 
