@@ -37,8 +37,7 @@ struct Baked {
   std::vector<std::size_t> surface;  ///< by vertex
 };
 
-inline Baked Bake(const Scene& scene, const SolveOptions& options = CoarseSolve()) {
-  SolvedScene solved(scene, options);
+inline Baked Bake(const Scene& scene, SolvedScene& solved) {
   GatherOptions gather;
   gather.rays = 256;
   const Gatherer gatherer(solved.hierarchy, solved.solution.light, solved.solution.links, solved.visibility,
@@ -65,6 +64,11 @@ inline Baked Bake(const Scene& scene, const SolveOptions& options = CoarseSolve(
     }
   }
   return baked;
+}
+
+inline Baked Bake(const Scene& scene, const SolveOptions& options = CoarseSolve()) {
+  SolvedScene solved(scene, options);
+  return Bake(scene, solved);
 }
 
 /// How far the vertices are from what they should be, relative to that.

@@ -116,6 +116,7 @@ TEST_F(SandboxTest, AJobBeyondALimitFailsAtOnceWithOneSentence) {
   EXPECT_THAT(failed.at("error").at("detail").get<std::string>(), HasSubstr("1 seconds"));
 }
 
+#ifndef __SANITIZE_THREAD__  // the sandbox keeps the library of such a build from radbake
 TEST_F(SandboxTest, TheRealRadbakeBakesInIt) {
   ChildLimits limits;
   limits.open_files = 256;
@@ -129,6 +130,7 @@ TEST_F(SandboxTest, TheRealRadbakeBakesInIt) {
   ASSERT_EQ(made.status, 202) << made.body;
   service.client().WaitFor(made.headers.at("location"), "succeeded");
 }
+#endif
 
 }  // namespace
 }  // namespace radbake::server

@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 
 #include "tests/solve/solved_scene_test.h"
 #include "tests/test_scenes.h"
@@ -30,37 +28,6 @@ std::size_t Applications(const Solution& solution) {
     applications += iteration.sweeps;
   }
   return applications;
-}
-
-/// The largest relative deviation of any vertex of any surface from the irradiance.
-double WorstVertex(const BakedScene& baked, double irradiance) {
-  double worst = 0;
-  std::size_t vertices = 0;
-  for (const BakedSurface& surface : baked.surfaces) {
-    for (const BakedVertex& vertex : surface.front.vertices) {
-      worst = std::max(worst, (vertex.irradiance.cast<double>() / irradiance - 1).abs().maxCoeff());
-      ++vertices;
-    }
-  }
-  EXPECT_GT(vertices, 100U);
-  return worst;
-}
-
-TEST(Krylov, FurnacesThatReflectNearlyAllGlowEvenlyAfterAtMostFortyApplications) {
-  for (const double reflectance : {0.999, 0.9999}) {
-    for (const Scene& scene : {testing::FurnaceBox(reflectance), testing::FurnaceSphere(reflectance, 1)}) {
-      for (const Refinement refinement : {Refinement::kHierarchical, Refinement::kAdaptive}) {
-        SolveOptions options = Coarse(refinement, IterationMethod::kKrylov);
-        options.a_min = 4e-3;
-        SolvedScene solved(scene, options);
-        EXPECT_LE(Applications(solved.solution), 40U);
-        MeshOptions mesh;
-        mesh.start_area = 5e-3;
-        EXPECT_LT(WorstVertex(solved.Output(mesh), std::numbers::pi / (1 - reflectance)), 1e-3)
-            << scene.surfaces.size() << " surfaces, reflectance " << reflectance;
-      }
-    }
-  }
 }
 
 TEST(Krylov, FindsWhatSweepsFindInFewerApplications) {
