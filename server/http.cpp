@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <thread>
 #include <type_traits>
@@ -16,6 +17,8 @@
 
 #include "server/http_endpoints.h"
 #include "server/http_front.h"
+#include "server/http_origin.h"
+#include "server/log.h"
 #include "server/problem.h"
 
 namespace radbake::server {
@@ -55,6 +58,13 @@ class Pool {
   httplib::ThreadPool pool_{kThreads};
   bool down_ = false;
 };
+
+// What becomes a label: a client may make up any method.
+bool IsKnown(const std::string& method) {
+  static const std::set<std::string> kMethods = {"GET",   "HEAD",   "POST",    "PUT",
+                                                 "PATCH", "DELETE", "OPTIONS", "TRACE"};
+  return kMethods.contains(method);
+}
 
 // httplib's server, with our own way from an accepted socket to a request.
 class Listener : public httplib::Server {
@@ -101,7 +111,9 @@ class HttpServer::Implementation {
         listener_([this](int socket) { front_.Take(socket); }),
         front_(options.limits, [this](Incoming incoming) { Enqueue(std::move(incoming)); }),
         watchers_(jobs, options.limits, [this](Incoming incoming) { Enqueue(std::move(incoming)); }),
-        endpoints_(jobs, watchers_, options.limits, options.tokens) {
+        endpoints_(jobs, watchers_, options.limits, options.tokens, [this] { return front_.connections(); }),
+        origins_(options.origins),
+        metrics_(jobs.metrics()) {
     using Handled = httplib::Server::HandlerResponse;
     listener_.set_tcp_nodelay(true);
     // Not SO_REUSEPORT, with which two servers could share a port without a word.
@@ -126,7 +138,11 @@ class HttpServer::Implementation {
       if (reads_body) {
         return Handled::Unhandled;
       }
-      Dispatch(request, response, nullptr);
+      if (origins_.IsPreflight(request)) {
+        origins_.AnswerPreflight(request, response);
+      } else {
+        Dispatch(request, response, nullptr);
+      }
       return Handled::Handled;
     });
     const auto handle = [this](const Request& request, Response& response, const ContentReader& reader) {
@@ -142,13 +158,18 @@ class HttpServer::Implementation {
     listener_.set_exception_handler([](const Request&, Response& response, const std::exception_ptr&) {
       Answer(response, HttpProblem(500, "the server failed on this request"));
     });
-    listener_.set_post_routing_handler([](const Request&, Response& response) {
+    listener_.set_post_routing_handler([this](const Request& request, Response& response) {
+      response.set_header(kRequestId,
+                          request.has_header(kRequestId) ? request.get_header_value(kRequestId) : RandomId());
+      origins_.Allow(request, response);
       if (response.status == 204 || response.status == 304) {
         response.headers.erase("Content-Length");
       }
     });
-    listener_.set_logger([](const Request& request, const Response& response) {
-      spdlog::info("{} {} {}", request.method, Quoted(request.target), response.status);
+    listener_.set_logger([this](const Request& request, const Response& response) {
+      if (current->then.kind != Then::Kind::kHold) {
+        Tell(request, response);
+      }
     });
 
     if (options.port == 0) {
@@ -192,6 +213,7 @@ class HttpServer::Implementation {
   struct Task {
     Connection& connection;
     Then then;
+    std::chrono::steady_clock::time_point begin;
   };
   static inline thread_local Task* current = nullptr;
 
@@ -208,10 +230,12 @@ class HttpServer::Implementation {
       WriteRefusal(connection, *refused);
       return;
     }
-    Task task{connection, {}};
+    Task task{connection, {}, std::chrono::steady_clock::now()};
     current = &task;
     listener_.Process(connection);
     current = nullptr;
+    metrics_.CountReceived(connection.received());
+    metrics_.CountSent(connection.sent());
     Then& then = task.then;
     if (then.kind == Then::Kind::kWatch) {
       watchers_.Watch(std::move(then.place), connection.TakeSocket(), then.job, then.last);
@@ -221,21 +245,49 @@ class HttpServer::Implementation {
     }
   }
 
+  // Counts and logs an answer.
+  void Tell(const Request& request, const Response& response) {
+    const bool held_post = IsHeldPost(request);
+    const std::string method = held_post ? "POST" : request.method;
+    const Target target = ParsePath(held_post ? "/v1/bakes" : request.path);
+    metrics_.CountRequest(Route(target.resource), IsKnown(method) ? method : "other", response.status);
+    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - current->begin;
+    const LogScope scope({{"request", response.get_header_value(kRequestId)},
+                          {"method", method},
+                          {"target", held_post ? "/v1/bakes" : request.target},
+                          {"status", response.status},
+                          {"seconds", seconds.count()}});
+    const std::string made = response.get_header_value("Location");
+    const std::string job = target.id.empty() ? made.substr(made.rfind('/') + 1) : target.id;
+    if (job.empty()) {
+      spdlog::info("answered");
+    } else {
+      const LogScope of_job({{"job", job}});
+      spdlog::info("answered");
+    }
+  }
+
   // Without the library, which gets to see only whole heads.
-  static void WriteRefusal(Connection& connection, const Problem& problem) {
+  void WriteRefusal(Connection& connection, const Problem& problem) {
+    const std::string id = RandomId();
+    const LogScope scope({{"request", id}, {"status", problem.status}});
     spdlog::info("refused: {}", problem.detail);
+    metrics_.CountRequest(Route(Resource::kNone), "other", problem.status);
     const std::string body = ToText(ToJson(problem));
     const std::string answer =
         "HTTP/1.1 " + std::to_string(problem.status) + " " + problem.title +
         "\r\nContent-Type: application/problem+json\r\nX-Content-Type-Options: nosniff\r\nCache-Control: "
         "no-store\r\nConnection: close\r\n" +
-        (problem.status == 503 ? "Retry-After: 1\r\n" : "") +
+        kRequestId + ": " + id + "\r\n" + (problem.status == 503 ? "Retry-After: 1\r\n" : "") +
         "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body;
     connection.write(answer.data(), answer.size());  // shorter than any socket's buffer
     connection.CloseUnheard();
+    metrics_.CountReceived(connection.received());
+    metrics_.CountSent(connection.sent());
   }
 
   void Dispatch(const Request& request, Response& response, const ContentReader* reader) {
+    const LogScope scope({{"request", request.get_header_value(kRequestId)}});
     Body body(request, reader, current->connection, stopping_);
     try {
       current->then = endpoints_.Serve(request, response, body);
@@ -268,6 +320,8 @@ class HttpServer::Implementation {
   Front front_;
   Watchers watchers_;
   Endpoints endpoints_;
+  Origins origins_;
+  Metrics& metrics_;
 };
 
 HttpServer::HttpServer(Jobs& jobs, const Options& options)

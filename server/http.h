@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <set>
 #include <string>
 
 #include "server/http_limits.h"
@@ -17,6 +18,7 @@ class HttpServer {
     int port = 8080;  ///< 0: any free one
     HttpLimits limits;
     std::shared_ptr<const Tokens> tokens;  ///< null: everybody is the same client
+    std::set<std::string> origins;         ///< of other pages that may use the service from a browser
   };
 
   /// Binds the port: from here on connections are taken, and wait for Listen(). The jobs must outlive this

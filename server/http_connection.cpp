@@ -47,6 +47,15 @@ bool HasControl(std::string_view text) {
   });
 }
 
+// Safe in a log, in a header, and in a shell.
+bool IsRequestId(std::string_view text) {
+  constexpr std::size_t kLongest = 128;
+  return !text.empty() && text.size() <= kLongest &&
+         std::all_of(text.begin(), text.end(), [](unsigned char c) {
+           return std::isalnum(c) != 0 || c == '-' || c == '_' || c == '.';
+         });
+}
+
 std::string Known(const std::string& name) {
   return Contains(kRenamed, Lower(name)) ? OwnHeader(name) : name;
 }
@@ -74,6 +83,7 @@ std::optional<std::size_t> HeadEnd(std::string_view bytes, const HttpLimits& lim
 std::string Harmless(std::string_view head) {
   std::size_t end = head.find("\r\n") + 2;
   std::string harmless(head.substr(0, end));
+  bool identified = false;
   for (head.remove_prefix(end); head != "\r\n"; head.remove_prefix(end)) {
     end = head.find("\r\n") + 2;
     const std::string_view line = head.substr(0, end - 2);
@@ -85,10 +95,24 @@ std::string Harmless(std::string_view head) {
     if (name.starts_with(Lower(kPrefix)) || Contains(kForgeable, name)) {
       continue;
     }
+    if (name == Lower(kRequestId)) {
+      const std::string_view id = line.substr(std::min(line.find_first_not_of(' ', colon + 1), line.size()));
+      if (identified || !IsRequestId(id)) {
+        continue;
+      }
+      identified = true;
+    }
     harmless += Contains(kRenamed, name) ? kPrefix : "";
     harmless += head.substr(0, end);
   }
   return harmless + "\r\n";
+}
+
+std::string Identified(std::string head) {
+  if (Lower(head).find("\r\n" + Lower(kRequestId) + ":") == std::string::npos) {
+    head.insert(head.size() - 2, std::string(kRequestId) + ": " + RandomId() + "\r\n");
+  }
+  return head;
 }
 
 std::string OwnHeader(const std::string& name) {
@@ -104,7 +128,10 @@ std::size_t HeaderCount(const httplib::Request& request, const std::string& name
 }
 
 Connection::Connection(Incoming incoming, const HttpLimits& limits)
-    : socket_(std::move(incoming.socket)), limits_(limits), buffer_(std::move(incoming.bytes)) {}
+    : socket_(std::move(incoming.socket)),
+      limits_(limits),
+      buffer_(std::move(incoming.bytes)),
+      head_(buffer_.size()) {}
 
 // One direction may stand still for the idle time, and after that may fall no further behind than that.
 bool Connection::Wait(short events, Flow& flow) {

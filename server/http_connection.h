@@ -38,9 +38,13 @@ std::optional<std::size_t> HeadEnd(std::string_view bytes, const HttpLimits& lim
 /// The head as httplib gets it. What it would act upon by itself, and badly, comes under another name: ranges
 /// (it would cut any answer, errors too, and read them with a recursive matcher), encodings (it would unpack
 /// bodies without limit), and the body's type (it would hold without limit what is no multipart). What a
-/// client could forge (REMOTE_ADDR, and those names) is left out. Throws ProblemError (400) for what is no
-/// header.
+/// client could forge (REMOTE_ADDR, and those names) is left out, and so is an X-Request-Id that is none or
+/// not the first. Throws ProblemError (400) for what is no header.
 std::string Harmless(std::string_view head);
+
+/// The same head with an X-Request-Id of our own, unless it has one.
+std::string Identified(std::string head);
+inline constexpr const char* kRequestId = "X-Request-Id";
 
 /// The value of a header that the client has sent, also of those that Harmless() has renamed; empty: none.
 std::string Header(const httplib::Request& request, const std::string& name);
@@ -64,6 +68,9 @@ class Connection final : public httplib::Stream {
   /// None that httplib may use by itself.
   socket_t socket() const override { return -1; }  // NOLINT(readability-identifier-naming)
 
+  /// Bytes that were read and written, with the head of the request.
+  std::uint64_t received() const { return head_ + in_.bytes; }
+  std::uint64_t sent() const { return out_.bytes; }
   /// The client was too slow to send.
   bool late() const { return in_.late; }
   /// From now on what is written is forgotten: somebody else answers.
@@ -85,6 +92,7 @@ class Connection final : public httplib::Stream {
   ClientSocket socket_;
   HttpLimits limits_;
   std::string buffer_;
+  std::size_t head_;
   std::size_t taken_ = 0;  ///< of the buffer
   std::size_t line_ = 0;   ///< bytes taken one by one since the last line break
   Flow in_;

@@ -119,6 +119,10 @@ class Turn {
 
 }  // namespace
 
+bool IsHeldPost(const Request& request) {
+  return request.get_header_value(kHeldStatus) == "202";
+}
+
 void Answer(Response& response, const Problem& problem) {
   response.status = problem.status;
   response.set_content(ToText(ToJson(problem)), "application/problem+json");
@@ -139,7 +143,8 @@ void Refuse(const Request& request, Response& response, const Problem& problem) 
 
 std::string Endpoints::Check(const Request& request) const {
   CheckHead(request, limits_.upload);
-  if (tokens_ == nullptr || ParsePath(request.path).resource == Resource::kHealth) {
+  const Resource resource = ParsePath(request.path).resource;
+  if (tokens_ == nullptr || resource == Resource::kHealth || resource == Resource::kReady) {
     return "";
   }
   std::optional<std::string> owner = tokens_->Owner(request.get_header_value("Authorization"));
@@ -179,6 +184,12 @@ Then Endpoints::Serve(const Request& request, Response& response, Body& body) {
       response.status = 200;
       response.set_content(R"({"status":"ok"})", "application/json");
       return {};
+    case Resource::kReady:
+      Ready(response);
+      return {};
+    case Resource::kMetrics:
+      ShowMetrics(response);
+      return {};
     case Resource::kBakes:
       List(request, response, owner);
       return {};
@@ -207,6 +218,25 @@ Then Endpoints::Post(const Request& request, Response& response, Body& body, con
   Answer(response, status, added.job);
   response.set_header("Location", "/v1/bakes/" + added.job.id);
   return Hold(request, added.job, status);
+}
+
+void Endpoints::Ready(Response& response) {
+  if (const std::string trouble = jobs_.Trouble(); !trouble.empty()) {
+    throw ProblemError(HttpProblem(503, trouble));
+  }
+  response.status = 200;
+  response.set_content(R"({"status":"ready"})", "application/json");
+}
+
+void Endpoints::ShowMetrics(Response& response) {
+  Gauges gauges;
+  for (const auto& [status, count] : jobs_.Count()) {
+    gauges.jobs[ToString(status)] = count;
+  }
+  gauges.connections = connections_();
+  gauges.free_bytes = jobs_.FreeBytes();
+  response.status = 200;
+  response.set_content(jobs_.metrics().Text(gauges), "text/plain; version=0.0.4; charset=utf-8");
 }
 
 void Endpoints::List(const Request& request, Response& response, const std::string& owner) {
@@ -327,7 +357,7 @@ Then Endpoints::Hold(const Request& request, const Job& job, int status) {
   }
   then.request = "GET /v1/bakes/" + job.id + " HTTP/1.1\r\nHost: held\r\n" + kHeldStatus + ": " +
                  std::to_string(status) + "\r\n" + kHeldFor + ": " + std::to_string(wait->count()) + "\r\n";
-  for (const char* name : {"Authorization", "Origin"}) {
+  for (const char* name : {"Authorization", "Origin", kRequestId}) {
     if (request.has_header(name)) {
       then.request += std::string(name) + ": " + request.get_header_value(name) + "\r\n";
     }

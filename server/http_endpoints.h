@@ -5,6 +5,8 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstddef>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -35,16 +37,22 @@ void Answer(httplib::Response& response, const Problem& problem);
 /// The same, with the headers that go with a refusal of this request.
 void Refuse(const httplib::Request& request, httplib::Response& response, const Problem& problem);
 
+/// True for the request of a held POST, which is asked as the GET of its job.
+bool IsHeldPost(const httplib::Request& request);
+
 /// Thread-safe.
 class Endpoints {
  public:
   /// The jobs and the watchers must outlive this object.
   /// Without tokens everybody is the same client.
-  Endpoints(Jobs& jobs, Watchers& watchers, const HttpLimits& limits, std::shared_ptr<const Tokens> tokens)
+  /// `connections` says how many there are.
+  Endpoints(Jobs& jobs, Watchers& watchers, const HttpLimits& limits, std::shared_ptr<const Tokens> tokens,
+            std::function<std::size_t()> connections)
       : jobs_(jobs),
         watchers_(watchers),
         limits_(limits),
         tokens_(std::move(tokens)),
+        connections_(std::move(connections)),
         rate_(limits.uploads_a_minute) {}
 
   /// Throws ProblemError for what is wrong with the request before its body is read. Returns whose it is.
@@ -55,6 +63,8 @@ class Endpoints {
  private:
   Then Post(const httplib::Request& request, httplib::Response& response, Body& body,
             const std::string& owner);
+  void Ready(httplib::Response& response);
+  void ShowMetrics(httplib::Response& response);
   void List(const httplib::Request& request, httplib::Response& response, const std::string& owner);
   Then ServeJob(const httplib::Request& request, httplib::Response& response, const Target& target,
                 const std::string& owner);
@@ -69,6 +79,7 @@ class Endpoints {
   Watchers& watchers_;
   HttpLimits limits_;
   std::shared_ptr<const Tokens> tokens_;
+  std::function<std::size_t()> connections_;
   Rate rate_;
   std::atomic<int> uploads_ = 0;
 };

@@ -87,7 +87,8 @@ bool Front::Advance(Incoming& incoming) {
     if (!end) {
       return false;
     }
-    incoming.bytes = Harmless(std::string_view(incoming.bytes).substr(0, *end)) + incoming.bytes.substr(*end);
+    incoming.bytes =
+        Identified(Harmless(std::string_view(incoming.bytes).substr(0, *end))) + incoming.bytes.substr(*end);
   } catch (const ProblemError& error) {
     incoming.refused = error.problem();
   }

@@ -52,11 +52,11 @@ Target ParsePath(std::string_view path) {
        {"/statistics", Resource::kStatistics},
        {"/lightmap", Resource::kLightmap},
        {"/events", Resource::kEvents}}};
-  if (path == "/healthz") {
-    return {Resource::kHealth, ""};
-  }
-  if (path == kBakes) {
-    return {Resource::kBakes, ""};
+  for (const Resource resource :
+       {Resource::kHealth, Resource::kReady, Resource::kMetrics, Resource::kBakes}) {
+    if (path == Route(resource)) {
+      return {resource, ""};
+    }
   }
   if (!path.starts_with(kBakes) || path.substr(kBakes.size(), 1) != "/") {
     return {};
@@ -71,6 +71,34 @@ Target ParsePath(std::string_view path) {
   return {};
 }
 
+std::string_view Route(Resource resource) {
+  switch (resource) {
+    case Resource::kNone:
+      return "other";
+    case Resource::kHealth:
+      return "/healthz";
+    case Resource::kReady:
+      return "/readyz";
+    case Resource::kMetrics:
+      return "/metrics";
+    case Resource::kBakes:
+      return "/v1/bakes";
+    case Resource::kBake:
+      return "/v1/bakes/{id}";
+    case Resource::kCancel:
+      return "/v1/bakes/{id}/cancel";
+    case Resource::kScene:
+      return "/v1/bakes/{id}/scene";
+    case Resource::kStatistics:
+      return "/v1/bakes/{id}/statistics";
+    case Resource::kLightmap:
+      return "/v1/bakes/{id}/lightmap";
+    case Resource::kEvents:
+      return "/v1/bakes/{id}/events";
+  }
+  return "";
+}
+
 std::string_view Allowed(Resource resource) {
   switch (resource) {
     case Resource::kNone:
@@ -82,6 +110,8 @@ std::string_view Allowed(Resource resource) {
     case Resource::kBake:
       return "GET, HEAD, DELETE";
     case Resource::kHealth:
+    case Resource::kReady:
+    case Resource::kMetrics:
     case Resource::kScene:
     case Resource::kStatistics:
     case Resource::kLightmap:

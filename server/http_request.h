@@ -15,7 +15,19 @@
 
 namespace radbake::server {
 
-enum class Resource { kNone, kHealth, kBakes, kBake, kCancel, kScene, kStatistics, kLightmap, kEvents };
+enum class Resource {
+  kNone,
+  kHealth,
+  kReady,
+  kMetrics,
+  kBakes,
+  kBake,
+  kCancel,
+  kScene,
+  kStatistics,
+  kLightmap,
+  kEvents
+};
 
 struct Target {
   Resource resource = Resource::kNone;
@@ -23,6 +35,9 @@ struct Target {
 };
 
 Target ParsePath(std::string_view path);
+
+/// A resource's path with {id} for the job, for who counts requests; "other" for none.
+std::string_view Route(Resource resource);
 
 /// The methods of a resource, as the header Allow lists them.
 std::string_view Allowed(Resource resource);

@@ -115,8 +115,10 @@ bool Watchers::Advance(Watcher& watcher, const std::optional<Job>& job, const Ev
     watcher.written = now;
   }
   watcher.over = watcher.over || ended;
-  return Listens(watcher.incoming.socket) && Flush(watcher.incoming.socket, watcher.unsent) &&
-         watcher.unsent.size() <= kMostUnsent && !(watcher.over && watcher.unsent.empty());
+  const std::size_t unsent = watcher.unsent.size();
+  const bool there = Listens(watcher.incoming.socket) && Flush(watcher.incoming.socket, watcher.unsent);
+  jobs_.metrics().CountSent(unsent - watcher.unsent.size());
+  return there && watcher.unsent.size() <= kMostUnsent && !(watcher.over && watcher.unsent.empty());
 }
 
 void Watchers::Loop() {

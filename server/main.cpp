@@ -1,7 +1,6 @@
 // radbaked: the bake service. Exit codes: 0 stopped; 1 it cannot run; 2 bad usage.
 #include <fcntl.h>
 #include <pthread.h>
-#include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -16,13 +15,17 @@
 #include <exception>
 #include <filesystem>
 #include <memory>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <string_view>
 #include <thread>
+#include <vector>
 
 #include "server/http.h"
+#include "server/http_origin.h"
 #include "server/jobs.h"
+#include "server/log.h"
 
 namespace {
 
@@ -140,7 +143,20 @@ void AddChildLimits(CLI::App& app, radbake::server::ChildLimits& limits) {
 }
 
 // What a service that faces others needs.
-void AddClients(CLI::App& app, std::string& tokens, bool& insecure) {
+void AddClients(CLI::App& app, std::string& tokens, bool& insecure, std::set<std::string>& origins) {
+  app.add_option_function<std::vector<std::string>>(
+         "--allow-origin",
+         [&origins](const std::vector<std::string>& given) {
+           for (const std::string& origin : given) {
+             if (!radbake::server::IsOrigin(origin)) {
+               throw CLI::ValidationError("--allow-origin",
+                                          "takes scheme://host[:port], as https://example.org");
+             }
+             origins.insert(origin);
+           }
+         },
+         "An origin whose pages may use the service from a browser; again for another")
+      ->allow_extra_args(false);
   app.add_option("--tokens", tokens,
                  "A file of clients: a line is a name and the SHA-256 of its bearer token");
   app.add_flag("--insecure", insecure, "Listen to other machines without tokens");
@@ -152,6 +168,17 @@ sigset_t StopSignals() {
   sigaddset(&signals, SIGINT);
   sigaddset(&signals, SIGTERM);
   return signals;
+}
+
+// Without a trace: what the folder of the jobs lacks to be used.
+void CheckData(const std::filesystem::path& data) {
+  std::filesystem::path folder = data;
+  while (!std::filesystem::exists(folder) && folder.has_relative_path()) {
+    folder = folder.parent_path();
+  }
+  if (!std::filesystem::is_directory(folder) || ::access(folder.c_str(), R_OK | W_OK | X_OK) != 0) {
+    throw std::runtime_error("--data: " + folder.string() + " is no folder that this user may write to");
+  }
 }
 
 void Serve(const std::filesystem::path& data, const Jobs::Options& options, const HttpServer::Options& http) {
@@ -179,7 +206,7 @@ void Serve(const std::filesystem::path& data, const Jobs::Options& options, cons
 
 int main(int argc, char** argv) {
   OpenStandardDescriptors();
-  spdlog::set_default_logger(spdlog::stderr_color_mt("radbaked"));
+  radbake::server::StartLog();
   const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
   HttpServer::Options http;
   Jobs::Options options;
@@ -200,7 +227,12 @@ int main(int argc, char** argv) {
   AddChildLimits(app, workers.limits);
   std::string tokens;
   bool insecure = false;
-  AddClients(app, tokens, insecure);
+  AddClients(app, tokens, insecure, http.origins);
+  bool check_config = false;
+  app.add_flag("--check-config", check_config, "Say what is wrong with the flags and their files, and exit");
+  options.least_free = 256ULL << 20U;
+  app.add_option("--least-free", options.least_free, "Bytes of the disk below which /readyz says no")
+      ->capture_default_str();
   std::string keep = "24h";
   std::string grace = "10s";
   app.add_option("--grace", grace, "How long running bakes may go on when the service is stopped")
@@ -231,10 +263,16 @@ int main(int argc, char** argv) {
     if (workers.limits.confined && !radbake::server::Sandbox::CanConfine()) {
       spdlog::warn("this kernel has no Landlock: bakes may read and write whatever this user may");
     }
-    Serve(data.empty() ? DefaultData() : std::filesystem::absolute(data), options, http);
+    const std::filesystem::path folder = data.empty() ? DefaultData() : std::filesystem::absolute(data);
+    if (check_config) {
+      CheckData(folder);
+      std::puts("radbaked: the configuration can be used");
+      return 0;
+    }
+    Serve(folder, options, http);
     return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "radbaked: %s\n", error.what());
-    return 1;
+    return check_config ? 2 : 1;
   }
 }

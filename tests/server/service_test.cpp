@@ -135,6 +135,29 @@ bool ReceiveUntil(const Descriptor& connection, const std::string& end, std::str
   return true;
 }
 
+namespace {
+
+void Record(const std::string& request, const Answer& answer) {
+  const char* folder = std::getenv("RADBAKED_ANSWERS");
+  if (folder == nullptr || answer.status == 0) {
+    return;
+  }
+  std::istringstream line(request.substr(0, request.find("\r\n")));
+  std::string method;
+  std::string target;
+  line >> method >> target;
+  const nlohmann::json record = {{"method", method},
+                                 {"target", target},
+                                 {"status", answer.status},
+                                 {"headers", answer.headers},
+                                 {"body", answer.body}};
+  std::filesystem::create_directories(folder);
+  std::ofstream(std::filesystem::path(folder) / (std::to_string(::getpid()) + ".jsonl"), std::ios::app)
+      << record.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
+}
+
+}  // namespace
+
 Answer Send(int port, const std::string& bytes) {
   const Descriptor connection = Connect(port, bytes);
   std::string text;
@@ -142,7 +165,9 @@ Answer Send(int port, const std::string& bytes) {
   for (ssize_t count = 0; (count = ::recv(connection.get(), buffer.data(), buffer.size(), 0)) > 0;) {
     text.append(buffer.data(), static_cast<std::size_t>(count));
   }
-  return ParseAnswer(text);
+  Answer answer = ParseAnswer(text);
+  Record(bytes, answer);
+  return answer;
 }
 
 Answer Client::Request(const std::string& method, const std::string& path, const std::string& headers,
@@ -200,9 +225,10 @@ HttpLimits Service::SmallLimits() {
 
 Service::Service(const std::filesystem::path& data, const std::filesystem::path& radbake,
                  const Options& options)
-    : jobs_(data, {{radbake, options.workers, 1, options.child_limits}, options.keep}),
+    : jobs_(data, {{radbake, options.workers, 1, options.child_limits}, options.keep, options.least_free}),
       server_(jobs_, {"127.0.0.1", 0, options.limits,
-                      options.tokens.empty() ? nullptr : std::make_shared<const Tokens>(options.tokens)}),
+                      options.tokens.empty() ? nullptr : std::make_shared<const Tokens>(options.tokens),
+                      options.origins}),
       listener_([this] { server_.Listen(); }) {}
 
 Service::~Service() {
@@ -211,7 +237,8 @@ Service::~Service() {
 }
 
 Daemon::Daemon(const std::filesystem::path& data, const std::filesystem::path& radbake,
-               const std::vector<std::string>& more) {
+               const std::vector<std::string>& more)
+    : log_(data.string() + ".log") {
   std::vector<std::string> words = {RADBAKE_BINARY_DIR "/radbaked"};
   words.insert(words.end(), {"--data", data.string(), "--radbake", radbake.string(), "--no-confinement"});
   words.insert(words.end(), more.begin(), more.end());
@@ -230,8 +257,10 @@ Daemon::Daemon(const std::filesystem::path& data, const std::filesystem::path& r
   }
   const Descriptor output(ends[0]);
   Descriptor output_end(ends[1]);
+  const Descriptor log(::open(log_.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600));
   pid_ = ::fork();
   if (pid_ == 0) {
+    ::dup2(log.get(), STDERR_FILENO);
     ::dup2(output_end.get(), STDOUT_FILENO);
     ::execv(arguments[0], arguments.data());
     ::_exit(127);
@@ -247,6 +276,10 @@ Daemon::Daemon(const std::filesystem::path& data, const std::filesystem::path& r
 
 Daemon::~Daemon() {
   End(SIGKILL);
+}
+
+std::string Daemon::Log() const {
+  return ReadFile(log_);
 }
 
 int Daemon::End(int signal) {

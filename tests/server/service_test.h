@@ -9,6 +9,7 @@
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -62,7 +63,9 @@ Descriptor Connect(int port, const std::string& bytes);
 /// Adds what comes to `text` until it holds `end`. False if the other side closes before, or after a minute.
 bool ReceiveUntil(const Descriptor& connection, const std::string& end, std::string& text);
 
-/// Connect(), and what comes back until the other side closes.
+/// Connect(), and what comes back until the other side closes. Where the environment's RADBAKED_ANSWERS names
+/// a folder, a line {"method", "target", "status", "headers", "body"} is added there to a file of this
+/// process, for tests/openapi to judge.
 Answer Send(int port, const std::string& bytes);
 
 struct FormPart {
@@ -100,13 +103,15 @@ class Service {
     HttpLimits limits = SmallLimits();
     std::string tokens;        ///< empty: none
     ChildLimits child_limits;  ///< none
+    std::uint64_t least_free = 0;
+    std::set<std::string> origins = {};
   };
   /// As by default, but of uploads only a megabyte.
   static HttpLimits SmallLimits();
 
   Service(const std::filesystem::path& data, const std::filesystem::path& radbake, const Options& options);
   Service(const std::filesystem::path& data, const std::filesystem::path& radbake, int workers = 1)
-      : Service(data, radbake, Options{workers, std::chrono::hours(1), SmallLimits(), "", {}}) {}
+      : Service(data, radbake, Options{workers, std::chrono::hours(1), SmallLimits(), "", {}, 0, {}}) {}
   ~Service();
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
@@ -129,12 +134,15 @@ class Daemon {
   Daemon& operator=(const Daemon&) = delete;
   int port() const { return port_; }  ///< 0: it did not come to listen
   Client client() const { return Client(port_); }
+  /// What it has written to standard error, so far.
+  std::string Log() const;
   /// Sends the signal and waits; the exit code, or minus the signal that ended it.
   int End(int signal);
 
  private:
   int pid_ = -1;
   int port_ = 0;
+  std::filesystem::path log_;
 };
 
 }  // namespace radbake::server
