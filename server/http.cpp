@@ -162,6 +162,9 @@ class HttpServer::Implementation {
       response.set_header(kRequestId,
                           request.has_header(kRequestId) ? request.get_header_value(kRequestId) : RandomId());
       origins_.Allow(request, response);
+      if (!response.has_header("Content-Disposition")) {
+        response.headers.erase("Accept-Ranges");  // which the library promises of all that HEAD asks for
+      }
       if (response.status == 204 || response.status == 304) {
         response.headers.erase("Content-Length");
       }

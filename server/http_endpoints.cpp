@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/http_assets.h"
 #include "server/http_connection.h"
 #include "server/http_result.h"
 #include "server/multipart.h"
@@ -144,7 +145,8 @@ void Refuse(const Request& request, Response& response, const Problem& problem) 
 std::string Endpoints::Check(const Request& request) const {
   CheckHead(request, limits_.upload);
   const Resource resource = ParsePath(request.path).resource;
-  if (tokens_ == nullptr || resource == Resource::kHealth || resource == Resource::kReady) {
+  if (tokens_ == nullptr || resource == Resource::kHealth || resource == Resource::kReady ||
+      resource == Resource::kAsset) {
     return "";
   }
   std::optional<std::string> owner = tokens_->Owner(request.get_header_value("Authorization"));
@@ -189,6 +191,9 @@ Then Endpoints::Serve(const Request& request, Response& response, Body& body) {
       return {};
     case Resource::kMetrics:
       ShowMetrics(response);
+      return {};
+    case Resource::kAsset:
+      SendAsset(request, response, Assets().at(request.path));
       return {};
     case Resource::kBakes:
       List(request, response, owner);

@@ -7,6 +7,7 @@
 #include <exception>
 #include <utility>
 
+#include "server/http_assets.h"
 #include "server/multipart.h"
 #include "server/problem.h"
 
@@ -58,6 +59,9 @@ Target ParsePath(std::string_view path) {
       return {resource, ""};
     }
   }
+  if (Assets().contains(path)) {
+    return {Resource::kAsset, ""};
+  }
   if (!path.starts_with(kBakes) || path.substr(kBakes.size(), 1) != "/") {
     return {};
   }
@@ -81,6 +85,8 @@ std::string_view Route(Resource resource) {
       return "/readyz";
     case Resource::kMetrics:
       return "/metrics";
+    case Resource::kAsset:
+      return "page";
     case Resource::kBakes:
       return "/v1/bakes";
     case Resource::kBake:
@@ -112,6 +118,7 @@ std::string_view Allowed(Resource resource) {
     case Resource::kHealth:
     case Resource::kReady:
     case Resource::kMetrics:
+    case Resource::kAsset:
     case Resource::kScene:
     case Resource::kStatistics:
     case Resource::kLightmap:

@@ -20,6 +20,7 @@ enum class Resource {
   kHealth,
   kReady,
   kMetrics,
+  kAsset,
   kBakes,
   kBake,
   kCancel,

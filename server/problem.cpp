@@ -32,8 +32,8 @@ std::string Phrase(int status) {
 }
 
 Problem Kind(int status, const std::string& name, std::string title, std::string detail) {
-  return {status, "urn:radbake:problem:" + name, std::move(title), std::move(detail),
-          std::chrono::seconds(1)};
+  return {status, "urn:radbake:problem:" + name, std::move(title),
+          detail.empty() ? "no reason was given" : std::move(detail), std::chrono::seconds(1)};
 }
 
 }  // namespace
