@@ -15,11 +15,10 @@
 namespace radbake::server {
 namespace {
 
-// Its own scripts and styles, its own answers, and the pictures and buffers that a .glb carries.
+// Its own scripts and styles, its own answers, and the images that a .glb carries.
 constexpr const char* kPolicy =
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self' "
-    "blob:; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self' blob: data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 constexpr std::size_t kTagSize = 16;
 
