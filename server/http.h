@@ -4,12 +4,16 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <string_view>
 
 #include "server/http_limits.h"
 #include "server/jobs.h"
 #include "server/tokens.h"
 
 namespace radbake::server {
+
+/// True for what a browser sends as Origin: scheme://host[:port] in lower case, without a path.
+bool IsOrigin(std::string_view text);
 
 class HttpServer {
  public:

@@ -208,7 +208,7 @@ Then Endpoints::Post(const Request& request, Response& response, Body& body, con
   CheckQuota(owner);
   const Turn turn(uploads_, limits_.uploads);
   Draft draft = jobs_.Begin();
-  Upload upload(draft);
+  Upload upload(draft, limits_.parts);
   ReadBody(request, body, limits_.upload, upload);
   submission.scene = upload.Finish();
   if (submission.key) {

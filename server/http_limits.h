@@ -16,6 +16,7 @@ struct HttpLimits {
   std::uint64_t least_rate = 1000;     ///< bytes a second that a body or an answer must move, on average
 
   std::uint64_t upload = 256ULL << 20U;  ///< bytes of a body
+  int parts = 1000;                      ///< of a form
   int uploads = 24;                      ///< bodies that are read at a time
 
   int uploads_a_minute = 0;            ///< of each client; 0: as many as it likes

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 
+#include "server/http.h"
 #include "server/http_request.h"
 
 namespace radbake::server {

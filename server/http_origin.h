@@ -5,12 +5,8 @@
 
 #include <set>
 #include <string>
-#include <string_view>
 
 namespace radbake::server {
-
-/// True for what a browser sends as Origin: scheme://host[:port] in lower case, without a path.
-bool IsOrigin(std::string_view text);
 
 class Origins {
  public:

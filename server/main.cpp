@@ -23,9 +23,9 @@
 #include <vector>
 
 #include "server/http.h"
-#include "server/http_origin.h"
 #include "server/jobs.h"
 #include "server/log.h"
+#include "solver/gltf/document.h"
 
 namespace {
 
@@ -105,6 +105,7 @@ void AddLimits(CLI::App& app, radbake::server::HttpLimits& limits) {
         ->group("Limits");
   };
   add("--max-upload", limits.upload, "Bytes that a request may have");
+  add("--max-parts", limits.parts, "Parts that a form may have");
   add("--max-uploads", limits.uploads, "Uploads at a time");
   add("--max-queue", limits.queued, "Jobs that may wait");
   add("--max-queue-per-client", limits.queued_of_one, "Jobs of one client that may wait");
@@ -140,6 +141,20 @@ void AddChildLimits(CLI::App& app, radbake::server::ChildLimits& limits) {
   add("--job-open-files", limits.open_files, "Files that it may have open");
   app.add_flag("!--no-confinement", limits.confined, "A bake may use all files that its user may")
       ->group("Limits of a bake (0: none)");
+}
+
+// What a scene may ask for, which the program that bakes holds it to.
+struct SceneLimit {
+  const char* flag;
+  std::uint64_t value;
+  const char* means;
+};
+using SceneLimits = std::array<SceneLimit, 4>;
+
+void AddSceneLimits(CLI::App& app, SceneLimits& limits) {
+  for (SceneLimit& limit : limits) {
+    app.add_option(limit.flag, limit.value, limit.means)->capture_default_str()->group("Limits of a scene");
+  }
 }
 
 // What a service that faces others needs.
@@ -225,6 +240,13 @@ int main(int argc, char** argv) {
   app.add_option("--radbake", radbake, "The program that bakes")->capture_default_str();
   AddLimits(app, http.limits);
   AddChildLimits(app, workers.limits);
+  const radbake::gltf::Limits scene;
+  SceneLimits scene_limits = {
+      {{"--max-triangles", scene.triangles, "Triangles and primitives"},
+       {"--max-nodes", scene.nodes, "Nodes"},
+       {"--max-json-depth", scene.json_depth, "Levels that its JSON may be nested"},
+       {"--max-texture-pixels", scene.texture_pixels, "Pixels of all images together"}}};
+  AddSceneLimits(app, scene_limits);
   std::string tokens;
   bool insecure = false;
   AddClients(app, tokens, insecure, http.origins);
@@ -254,6 +276,9 @@ int main(int argc, char** argv) {
   try {
     workers.threads = static_cast<int>(std::max(1U, cores / static_cast<unsigned>(workers.count)));
     workers.radbake = std::filesystem::absolute(radbake);
+    for (const SceneLimit& limit : scene_limits) {
+      workers.flags.insert(workers.flags.end(), {limit.flag, std::to_string(limit.value)});
+    }
     if (::access(workers.radbake.c_str(), X_OK) != 0) {
       throw std::runtime_error("there is no program " + radbake + ": --radbake says where it is");
     }

@@ -12,7 +12,6 @@
 namespace radbake::server {
 namespace {
 
-constexpr int kMostParts = 1000;
 constexpr std::size_t kMostParameters = 65536;
 constexpr std::size_t kHead = 64;
 constexpr std::size_t kLongestPath = 200;
@@ -119,8 +118,9 @@ std::string ResourcePath(std::string_view uri) {
 }
 
 void Upload::BeginPart(const std::string& name, const std::string& filename) {
-  if (++parts_ > kMostParts) {
-    throw ProblemError(TooLarge("the upload has more than " + std::to_string(kMostParts) + " parts"));
+  if (++parts_ > most_parts_) {
+    throw ProblemError(
+        TooLarge("the upload has more than the " + std::to_string(most_parts_) + " parts that are taken"));
   }
   name_ = name;
   filename_ = filename;

@@ -22,7 +22,8 @@ std::string ResourcePath(std::string_view uri);
 /// done wrong, std::system_error for what the disk has.
 class Upload {
  public:
-  explicit Upload(const Draft& draft) : files_(draft.files()) {}
+  /// At most so many parts are taken.
+  Upload(const Draft& draft, int most_parts) : files_(draft.files()), most_parts_(most_parts) {}
 
   /// The next part: "scene", "parameters", or a resource of a .gltf whose URI is its name or its filename.
   void BeginPart(const std::string& name, const std::string& filename);
@@ -46,6 +47,7 @@ class Upload {
 
   JobFiles files_;
   Kind kind_ = Kind::kNone;
+  int most_parts_;
   int parts_ = 0;
   std::string name_;
   std::string filename_;

@@ -271,12 +271,13 @@ ChildEnd Workers::RunBake(const Job& job, Running& running) {
   // What an earlier attempt left behind, whoever still writes to it.
   std::filesystem::remove_all(files.Attempt());
   std::filesystem::create_directory(files.Attempt());
-  const ChildCommand command = {
+  ChildCommand command = {
       options_.radbake,
       {"bake", job.scene, "-o", "attempt/baked.glb", "--parameters", "parameters.json", "--statistics",
        "attempt/statistics.json", "--progress", "json", "--threads", std::to_string(options_.threads)},
       files.folder,
       options_.limits};
+  command.arguments.insert(command.arguments.end(), options_.flags.begin(), options_.flags.end());
   return RunChild(
       command,
       [&](std::string_view line) {

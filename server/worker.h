@@ -49,11 +49,12 @@ void ReadProgress(std::string_view line, Live& live);
 class Workers {
  public:
   struct Options {
-    std::filesystem::path radbake;  ///< absolute
-    int count = 1;                  ///< children at a time
-    int threads = 1;                ///< of each
-    ChildLimits limits;             ///< of each
-    std::chrono::seconds grace{0};  ///< that running children get to end when the workers stop
+    std::filesystem::path radbake;        ///< absolute
+    int count = 1;                        ///< children at a time
+    int threads = 1;                      ///< of each
+    ChildLimits limits;                   ///< of each
+    std::vector<std::string> flags = {};  ///< that the program gets beside those of the job
+    std::chrono::seconds grace{0};        ///< that running children get to end when the workers stop
   };
 
   /// Starts the threads. `files` gives the files of a job. The queue and the metrics must outlive this

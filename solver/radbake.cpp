@@ -133,7 +133,8 @@ GatherOptions GatherOptionsOf(const Parameters& parameters) {
 
 }  // namespace
 
-BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const ProgressCallback& callback) {
+BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const ProgressCallback& callback,
+                const gltf::Limits& limits) {
   Watch watch(parameters, callback);
   BakeResult result;
   Statistics& statistics = result.statistics;
@@ -141,7 +142,7 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
   const auto end_phase = [&](const char* name) { statistics.seconds.emplace_back(name, watch.Lap()); };
 
   watch.Report("import", 0);
-  gltf::Document document(source);
+  gltf::Document document(source, limits);
   document.SetEnvironment(parameters.environment);
   const Scene& scene = document.scene();
   const Patches patches = CutIntoPatches(scene);

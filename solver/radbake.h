@@ -35,6 +35,6 @@ struct BakeResult {
 /// Bakes the scene. Uses oneTBB's current task arena; the result's bytes do not depend on its size. Throws
 /// InputError (the scene or the parameters), Interrupted, std::bad_alloc.
 BakeResult Bake(const gltf::Source& source, const Parameters& parameters,
-                const ProgressCallback& progress = {});
+                const ProgressCallback& progress = {}, const gltf::Limits& limits = {});
 
 }  // namespace radbake

@@ -93,6 +93,13 @@ BakeCommand::BakeCommand(CLI::App& app)
                    "auto (a bar on a terminal), json (an object a line on standard output) or none")
       ->check(CLI::IsMember({"auto", "json", "none"}))
       ->type_name("MODE");
+  const auto add_limit = [&](const char* flag, auto& value, const char* means) {
+    command_->add_option(flag, value, means)->capture_default_str()->group("Limits");
+  };
+  add_limit("--max-triangles", limits_.triangles, "triangles and primitives that a scene may have");
+  add_limit("--max-nodes", limits_.nodes, "nodes that a glTF may have");
+  add_limit("--max-json-depth", limits_.json_depth, "levels that its JSON may be nested");
+  add_limit("--max-texture-pixels", limits_.texture_pixels, "pixels of all images together");
   for (const ParameterSpec& spec : ParameterSpecs()) {
     command_
         ->add_option_function<std::string>(
@@ -140,10 +147,13 @@ void BakeCommand::Run() const {
     ProgressDisplay display(mode);
     const gltf::Source source = gltf::ReadSource(scene_);
     return WithThreads(threads_, [&] {
-      return Bake(source, parameters, [&](const Progress& progress) {
-        display.Show(progress);
-        return Continue::kYes;
-      });
+      return Bake(
+          source, parameters,
+          [&](const Progress& progress) {
+            display.Show(progress);
+            return Continue::kYes;
+          },
+          limits_);
     });
   }();
 

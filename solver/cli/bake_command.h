@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "solver/gltf/document.h"
 #include "solver/parameters.h"
 
 namespace radbake::cli {
@@ -28,6 +29,7 @@ class BakeCommand {
   CLI::App* command_;
   std::string scene_;
   std::string output_;
+  gltf::Limits limits_;
   std::string parameters_file_;
   std::string statistics_file_;
   std::optional<int> threads_;

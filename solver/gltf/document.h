@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <span>
@@ -29,6 +30,7 @@ struct Limits {
   std::size_t json_depth = 64;
   std::size_t triangles = 20'000'000;
   std::size_t nodes = 1'000'000;
+  std::uint64_t texture_pixels = 1ULL << 28U;  ///< of all images together, by their headers
 };
 
 /// A parsed and checked glTF. Copyable handles are not promised; move only. Not thread-safe.

@@ -28,6 +28,7 @@ File::File(const Source& source, const Limits& limits) {
   buffers = ResolveBuffers(root, chunks.binary, source, decoded);
   layout = CheckLayout(root, buffers, limits);
   CheckImages(root, source);
+  CheckImageSizes(root, source, layout, buffers, limits);
 }
 
 }  // namespace radbake::gltf

@@ -3,6 +3,7 @@
 #include <map>
 
 #include "solver/gltf/container.h"
+#include "solver/gltf/image_size.h"
 #include "solver/gltf/uri.h"
 
 namespace radbake::gltf {
@@ -27,6 +28,29 @@ void CheckImages(const Json& root, const Source& source) {
     if (has_uri && !IsDataUri(uri) && MediaTypeOf(images[i], Part(source, uri, place), place).empty()) {
       Fail(place, Quoted(uri) + " is not an image of a known format");
     }
+  }
+}
+
+void CheckImageSizes(const Json& root, const Source& source, const Layout& layout,
+                     const std::vector<std::string_view>& buffers, const Limits& limits) {
+  const Json& images = Objects(root, "images", {"glTF"});
+  std::uint64_t left = limits.texture_pixels;
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    const Place place{"image", i};
+    std::uint64_t pixels = 0;
+    if (const auto index = FindIndex(images[i], "bufferView", layout.views.size(), place)) {
+      const View& view = layout.views[*index];
+      pixels = PixelsOf(buffers[view.buffer].substr(view.offset, view.length)).value_or(0);
+    } else {
+      const std::string uri = Text(images[i], "uri", "", place);
+      pixels = (IsDataUri(uri) ? PixelsOf(DecodeDataUri(uri, place)) : PixelsOf(Part(source, uri, place)))
+                   .value_or(0);
+    }
+    if (pixels > left) {
+      Fail(place, "the images have more than the limit of " + std::to_string(limits.texture_pixels) +
+                      " pixels together");
+    }
+    left -= pixels;
   }
 }
 

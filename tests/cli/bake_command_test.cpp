@@ -246,5 +246,17 @@ TEST_F(BakeCommand, MakesTheSameBytesOnAnyNumberOfThreads) {
   EXPECT_TRUE(results[1] == results[2]);
 }
 
+TEST_F(BakeCommand, HoldsASceneToItsLimits) {
+  const std::vector<std::pair<std::string, std::string>> limits = {
+      {"--max-triangles", "triangles"},
+      {"--max-nodes", "nodes"},
+      {"--max-json-depth", "nested deeper than 1"}};
+  for (const auto& [flag, named] : limits) {
+    const Outcome outcome = Bake({flag, flag == "--max-json-depth" ? "1" : "0"});
+    EXPECT_EQ(outcome.code, 2) << flag;
+    EXPECT_THAT(outcome.error, HasSubstr(named));
+  }
+}
+
 }  // namespace
 }  // namespace radbake

@@ -1,5 +1,5 @@
 // Pages of other origins.
-#include "server/http_origin.h"
+#include "server/http.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
