@@ -82,6 +82,9 @@ std::optional<std::size_t> HeadEnd(std::string_view bytes, const HttpLimits& lim
 
 std::string Harmless(std::string_view head) {
   std::size_t end = head.find("\r\n") + 2;
+  if (HasControl(head.substr(0, end - 2))) {
+    throw ProblemError(HttpProblem(400, "the request's line has a control character"));
+  }
   std::string harmless(head.substr(0, end));
   bool identified = false;
   for (head.remove_prefix(end); head != "\r\n"; head.remove_prefix(end)) {

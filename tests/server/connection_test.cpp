@@ -46,6 +46,10 @@ TEST(Head, HasNothingButHeaders) {
   }
 }
 
+TEST(Head, HidesNoHeaderInItsFirstLine) {
+  EXPECT_THROW(Harmless("GET / HTTP/1.1\nRange: bytes=0-1\r\n\r\n"), ProblemError);
+}
+
 class ConnectionTest : public testing::Test {
  protected:
   Service Start(const HttpLimits& limits) const {
