@@ -10,25 +10,59 @@
 
 namespace radbake {
 
+namespace {
+
+/// Where few and unimportant links are left to be scaled, they cannot bear it all.
+double Bearable(double factor) {
+  constexpr double kMost = 2;
+  return std::clamp(factor, 1 / kMost, kMost);
+}
+
+/// Calls `visit` with all leaves below an element.
+template <typename Visit>
+void ForEachLeafBelow(const Hierarchy& hierarchy, Index e, const Visit& visit) {
+  if (hierarchy[e].IsLeaf()) {
+    visit(e);
+    return;
+  }
+  for (Index child = hierarchy[e].first_child; child < hierarchy[e].first_child + 4; ++child) {
+    ForEachLeafBelow(hierarchy, child, visit);
+  }
+}
+
+}  // namespace
+
 Rows::Rows(const Hierarchy& hierarchy, const Links& links, const Light& light) : begin_(1, 0) {
+  std::vector<Index> row_of(hierarchy.size(), kNone);
   for (Index leaf = 0; leaf < hierarchy.size(); ++leaf) {
     if (hierarchy[leaf].IsLeaf() && !hierarchy.IsSky(leaf)) {
       std::size_t count = 0;
       for (Index e = leaf; e != kNone; e = hierarchy[e].parent) {
         count += links.Into(e).size();
       }
+      row_of[leaf] = static_cast<Index>(leaves_.size());
       leaves_.push_back(leaf);
       begin_.push_back(begin_.back() + count);
     }
   }
   entries_.resize(begin_.back());
+  std::vector<Seen> seen(leaves_.size());
   constexpr std::size_t kGrain = 16;
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, leaves_.size(), kGrain), [&](const auto& range) {
-    for (std::size_t k = range.begin(); k != range.end(); ++k) {
-      Fill(hierarchy, links, light, leaves_[k],
-           std::span(entries_).subspan(begin_[k], begin_[k + 1] - begin_[k]));
-    }
+  const auto for_each_row = [&](const auto& visit) {
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, leaves_.size(), kGrain), [&](const auto& range) {
+      for (std::size_t k = range.begin(); k != range.end(); ++k) {
+        visit(k, std::span(entries_).subspan(begin_[k], begin_[k + 1] - begin_[k]));
+      }
+    });
+  };
+  for_each_row([&](std::size_t k, std::span<Gathered> row) {
+    seen[k] = Fill(hierarchy, links, light, leaves_[k], row);
+    Complete(seen[k], links.Into(leaves_[k]).size(), row);
   });
+  tbb::parallel_for(std::size_t{0}, hierarchy.size(),
+                    [&](std::size_t e) { Balance(hierarchy, links, static_cast<Index>(e), row_of); });
+  for_each_row(
+      [&](std::size_t k, std::span<Gathered> row) { Complete(seen[k], links.Into(leaves_[k]).size(), row); });
 }
 
 Rows::Rows(const Hierarchy& hierarchy, const Rows& of_leaves, const std::vector<Index>& nodes)
@@ -59,8 +93,8 @@ Rows::Rows(const Hierarchy& hierarchy, const Rows& of_leaves, const std::vector<
   }
 }
 
-void Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Light& light, Index leaf,
-                std::span<Gathered> row) const {
+Rows::Seen Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Light& light, Index leaf,
+                      std::span<Gathered> row) {
   const Polygon shape = hierarchy.Shape(leaf);
   const Vec3 centroid = shape.Centroid();
   const auto at_centroid = [&](const Link& link) {
@@ -68,32 +102,79 @@ void Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Light& lig
            UnoccludedAt(hierarchy, centroid, shape.normal, link.shooter);
   };
   std::size_t at = 0;
-  const std::span<const Link> own = links.Into(leaf);
-  const bool has_more = own.size() < row.size();
-  double missed = 0;  // by the means of the leaf's own links, of what the centroid sees
-  for (const Link& link : own) {
-    const auto mean = static_cast<double>(link.visibility * link.form_factor);
-    missed += has_more ? at_centroid(link) - mean : 0;
-    row[at++] = {link.shooter, static_cast<float>(mean)};
+  Seen seen;
+  for (const Link& link : links.Into(leaf)) {
+    row[at++] = {link.shooter, link.visibility * link.form_factor};
+    seen.sum += at_centroid(link);
+    seen.clear = seen.clear && link.clear;
   }
-  double above = 0;
   for (Index e = hierarchy[leaf].parent; e != kNone; e = hierarchy[e].parent) {
     // What an element gathers falls on its open parts alone.
     const double open = light.open[e] > 0 ? light.open[leaf] / light.open[e] : 1;
     for (const Link& link : links.Into(e)) {
-      const double weight = at_centroid(link);
-      above += weight;
-      row[at++] = {link.shooter, static_cast<float>(open * weight)};
+      const double weight = open * at_centroid(link);
+      row[at++] = {link.shooter, static_cast<float>(weight)};
+      seen.sum += weight;
+      seen.clear = seen.clear && link.clear;
     }
   }
-  if (above > 0) {
-    // Where few and unimportant links are left to the ancestors, they cannot bear it all.
-    constexpr double kMost = 2;
-    const auto kappa = static_cast<float>(std::clamp(1 + missed / above, 1 / kMost, kMost));
-    for (Gathered& entry : row.subspan(own.size())) {
-      entry.weight *= kappa;
+  return seen;
+}
+
+void Rows::Complete(const Seen& leaf, std::size_t own_count, std::span<Gathered> row) {
+  const auto sum_of = [](std::span<const Gathered> entries) {
+    double sum = 0;
+    for (const Gathered& entry : entries) {
+      sum += static_cast<double>(entry.weight);
     }
+    return sum;
+  };
+  const auto scale = [](std::span<Gathered> entries, double factor) {
+    for (Gathered& entry : entries) {
+      entry.weight *= static_cast<float>(factor);
+    }
+  };
+  const std::span<Gathered> inherited = row.subspan(own_count);
+  const double above = sum_of(inherited);
+  if (!(above > 0)) {
+    return;
   }
+  scale(inherited, Bearable((leaf.sum - sum_of(row.first(own_count))) / above));
+  if (const double sum = sum_of(row); leaf.clear && sum > 0) {
+    scale(row, Bearable(leaf.sum / sum));
+  }
+}
+
+void Rows::Balance(const Hierarchy& hierarchy, const Links& links, Index element,
+                   const std::vector<Index>& row_of) {
+  const std::span<const Link> own = links.Into(element);
+  if (own.empty() || hierarchy[element].IsLeaf()) {
+    return;
+  }
+  const auto for_each_part = [&](const auto& visit) {
+    ForEachLeafBelow(hierarchy, element, [&](Index leaf) {
+      std::size_t at = begin_[row_of[leaf]];
+      for (Index e = leaf; e != element; e = hierarchy[e].parent) {
+        at += links.Into(e).size();
+      }
+      visit(hierarchy[leaf].area, std::span(entries_).subspan(at, own.size()));
+    });
+  };
+  std::vector<double> factor(own.size());
+  for_each_part([&](double area, std::span<const Gathered> entries) {
+    for (std::size_t i = 0; i < own.size(); ++i) {
+      factor[i] += area * static_cast<double>(entries[i].weight);
+    }
+  });
+  for (std::size_t i = 0; i < own.size(); ++i) {
+    const double mean = hierarchy[element].area * static_cast<double>(own[i].visibility * own[i].form_factor);
+    factor[i] = own[i].clear && factor[i] > 0 ? Bearable(mean / factor[i]) : 1;
+  }
+  for_each_part([&](double, std::span<Gathered> entries) {
+    for (std::size_t i = 0; i < own.size(); ++i) {
+      entries[i].weight *= static_cast<float>(factor[i]);
+    }
+  });
 }
 
 }  // namespace radbake

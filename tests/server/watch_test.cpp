@@ -145,7 +145,7 @@ TEST_F(WatchTest, HoldsThePostUntilTheJobEnds) {
   later.join();
   EXPECT_EQ(answer.status, 200);
   EXPECT_EQ(answer.Json().at("status"), "succeeded");
-  EXPECT_EQ(answer.headers.at("location"), answer.Json().at("links").at("self"));
+  EXPECT_EQ(answer.headers.at("location"), answer.Json().at("links").at("self").get<std::string>());
   EXPECT_EQ(answer.headers.at("preference-applied"), "wait=60");
 }
 
