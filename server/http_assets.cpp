@@ -44,8 +44,8 @@ std::map<std::string, Asset, std::less<>> MakeAssets() {
 }  // namespace
 
 const std::map<std::string, Asset, std::less<>>& Assets() {
-  static const std::map<std::string, Asset, std::less<>> assets = MakeAssets();
-  return assets;
+  static const std::map<std::string, Asset, std::less<>> kAssets = MakeAssets();
+  return kAssets;
 }
 
 void SendAsset(const httplib::Request& request, httplib::Response& response, const Asset& asset) {

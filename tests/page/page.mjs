@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { createHash } from 'node:crypto';
-import { writeFileSync } from 'node:fs';
+import { readFileSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import readline from 'node:readline';
 import { Browser } from './browser.mjs';
@@ -102,7 +102,43 @@ async function thePageAsksForAToken(browser) {
   }
 }
 
-for (const test of [thePageBakesAndShows, thePageAsksForAToken]) {
+// The same scene as a .gltf with its buffer in a file of its own.
+function unpack(glb, folder) {
+  const length = glb.readUInt32LE(12);
+  const gltf = JSON.parse(glb.subarray(20, 20 + length));
+  gltf.buffers[0].uri = 'box.bin';
+  const files = [path.join(folder, 'box.gltf'), path.join(folder, 'box.bin')];
+  writeFileSync(files[0], JSON.stringify(gltf));
+  writeFileSync(files[1], glb.subarray(28 + length));
+  return files;
+}
+
+async function thePageTakesSeveralFilesAndATimeAndCancels(browser) {
+  const service = await serve('several');
+  try {
+    await browser.visit(`${service.url}/`);
+    await browser.choose('#file', unpack(readFileSync(kScene), scratch));
+    await browser.value(`document.querySelector('[value=time]').click()`);
+    await browser.value(`document.getElementById('time').value = 100`);
+    await click(browser, 'bake');
+    await browser.until(`!document.getElementById('cancel').hidden && !document.getElementById('iterations').hidden`);
+    await click(browser, 'cancel');
+    await browser.until(`document.getElementById('running').hidden`);
+    assert.equal(await text(browser, 'problem'), '');
+    assert.equal(await shown(browser, 'download'), false);
+
+    await browser.value(`document.getElementById('time').value = 1`);
+    await click(browser, 'bake');
+    await browser.until(`document.getElementById('view').dataset.shown || !document.getElementById('problem').hidden`);
+    assert.equal(await text(browser, 'problem'), '');
+    assert.match(await text(browser, 'statistics'), /stopped by time budget/);
+    assert.deepEqual(browser.complaints, []);
+  } finally {
+    service.stop();
+  }
+}
+
+for (const test of [thePageBakesAndShows, thePageAsksForAToken, thePageTakesSeveralFilesAndATimeAndCancels]) {
   const browser = await Browser.open();
   try {
     await test(browser);
