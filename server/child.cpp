@@ -27,6 +27,7 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::milliseconds kGrace = std::chrono::seconds(2);
 constexpr std::size_t kLongestLine = 65536;
 constexpr std::size_t kLongestError = 2000;
+constexpr std::size_t kLongestLog = 4000;
 constexpr std::size_t kReadSize = 16384;
 constexpr int kPipeReads = 64;  // empties a full pipe, and ends where somebody goes on filling it
 
@@ -115,6 +116,14 @@ class Lines {
   std::string line_;
   bool too_long_ = false;
 };
+
+// Whole lines, the last ones that there is room for.
+void AppendToLog(const std::string& line, std::string& log) {
+  log += line + "\n";
+  while (log.size() > kLongestLog) {
+    log.erase(0, log.find('\n') + 1);
+  }
+}
 
 // Reads once from a pipe that does not block. False when there is nothing more.
 bool Drain(const Descriptor& pipe, Lines& lines) {
@@ -265,7 +274,10 @@ ChildEnd RunChild(const ChildCommand& command, const std::function<void(std::str
 
   ChildEnd end;
   Lines output_lines(on_line);
-  Lines error_lines([&](std::string_view line) { end.error = line.substr(0, kLongestError); });
+  Lines error_lines([&](std::string_view line) {
+    end.error = line.substr(0, kLongestError);
+    AppendToLog(end.error, end.log);
+  });
   Stopper stopper(stop, command.limits.time);
   for (bool ended = false; !ended;) {
     std::array<pollfd, 4> events = {{{output.get(), POLLIN, 0},

@@ -36,6 +36,7 @@ struct ChildEnd {
   int signal = 0;      ///< 0: it was not killed
   bool late = false;   ///< it took longer than its limit, and was stopped
   std::string error;   ///< its last line on standard error
+  std::string log;     ///< its last lines on standard error, a few thousand bytes of them
 };
 
 /// Runs the program to its end. Its standard input is /dev/null and it inherits no other descriptor.

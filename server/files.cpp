@@ -83,9 +83,8 @@ void NewFile::Publish(const std::filesystem::path& path) {
   file_.Close();
 }
 
-void Publish(const std::filesystem::path& written, const std::filesystem::path& path) {
-  Sync(Open(written, O_RDONLY), written);
-  std::filesystem::rename(written, path);
+void SyncFile(const std::filesystem::path& path) {
+  Sync(Open(path, O_RDONLY), path);
 }
 
 void SyncFolder(const std::filesystem::path& folder) {
@@ -99,8 +98,8 @@ void SyncTree(const std::filesystem::path& folder) {
   SyncFolder(folder);
 }
 
-Descriptor LockFolder(const std::filesystem::path& folder) {
-  Descriptor lock = Open(folder / "lock", O_RDWR | O_CREAT);
+Descriptor LockFolder(const std::filesystem::path& folder, const std::string& name) {
+  Descriptor lock = Open(folder / name, O_RDWR | O_CREAT);
   const auto end = std::chrono::steady_clock::now() + kLockPatience;
   while (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
     if (errno == EWOULDBLOCK && std::chrono::steady_clock::now() < end) {

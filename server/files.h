@@ -45,8 +45,8 @@ class NewFile {
   Descriptor file_;
 };
 
-/// Syncs the content of a finished file that somebody else wrote, and moves it. SyncFolder() is the caller's.
-void Publish(const std::filesystem::path& written, const std::filesystem::path& path);
+/// Makes the content of a file durable that somebody else wrote.
+void SyncFile(const std::filesystem::path& path);
 
 /// Makes the names inside a folder durable.
 void SyncFolder(const std::filesystem::path& folder);
@@ -54,9 +54,9 @@ void SyncFolder(const std::filesystem::path& folder);
 /// Makes a folder durable with all that is in it.
 void SyncTree(const std::filesystem::path& folder);
 
-/// An exclusive lock for as long as the descriptor lives, and for as long as the process lives. Throws
-/// std::runtime_error where another process holds it for longer than a moment.
-Descriptor LockFolder(const std::filesystem::path& folder);
+/// An exclusive lock on a file of the folder, for as long as the descriptor lives, and for as long as the
+/// process lives. Throws std::runtime_error where another process holds it for longer than a moment.
+Descriptor LockFolder(const std::filesystem::path& folder, const std::string& name);
 
 /// 128 random bits as 32 lower-case hexadecimal digits.
 std::string RandomId();

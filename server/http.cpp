@@ -5,12 +5,14 @@
 #include <sys/socket.h>
 
 #include <atomic>
+#include <cerrno>
 #include <exception>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <set>
 #include <stdexcept>
+#include <system_error>
 #include <thread>
 #include <type_traits>
 #include <utility>
@@ -30,6 +32,15 @@ using httplib::Response;
 
 constexpr std::size_t kThreads = 32;
 constexpr int kBacklog = 512;
+
+// The queue's database is away, or there is no room on the disk or no right to write to it.
+bool Storeless(const std::exception& error) {
+  const auto* const refused = dynamic_cast<const std::system_error*>(&error);
+  return dynamic_cast<const QueueError*>(&error) != nullptr ||
+         (refused != nullptr &&
+          (refused->code() == std::errc::no_space_on_device ||
+           refused->code() == std::errc::read_only_file_system || refused->code().value() == EDQUOT));
+}
 
 // What its listener would hand to threads is done at once: it only hands the socket to the front.
 class AtOnce final : public httplib::TaskQueue {
@@ -303,7 +314,9 @@ class HttpServer::Implementation {
     } catch (const std::exception& error) {
       spdlog::error("{} {}: {}", request.method, Quoted(request.target), error.what());
       body.Drain();
-      Answer(response, HttpProblem(500, "the server failed on this request"));
+      Answer(response, Storeless(error)
+                           ? HttpProblem(503, "the service cannot read or write its jobs at the moment")
+                           : HttpProblem(500, "the server failed on this request"));
     }
   }
 

@@ -288,13 +288,12 @@ Then Endpoints::ServeJob(const Request& request, Response& response, const Targe
       throw UnknownJob();  // deleted meanwhile
     }
   };
-  const JobFiles files = jobs_.Files(job.id);
   switch (target.resource) {
     case Resource::kScene:
-      send({files.Scene(), job.id + ".scene", "model/gltf-binary", "baked.glb", false});
+      send({jobs_.Open(job.id, kBakedFile), job.id + ".scene", "model/gltf-binary", "baked.glb", false});
       return {};
     case Resource::kStatistics:
-      send({files.Statistics(), job.id + ".statistics", "application/json", "statistics.json", true});
+      send({jobs_.Open(job.id, kStatisticsFile), job.id + ".statistics", "application/json", "statistics.json", true});
       return {};
     case Resource::kLightmap:
       throw ProblemError(HttpProblem(404, "the job has no lightmap: its light is at the scene's vertices"));

@@ -1,22 +1,19 @@
 #include "server/http_result.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
 #include <zlib.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <memory>
 #include <stdexcept>
 
-#include "server/files.h"
 #include "server/http_connection.h"
 #include "server/problem.h"
 
 namespace radbake::server {
 namespace {
+
+constexpr std::size_t kReadSize = 65536;
 
 std::string_view Trimmed(std::string_view text) {
   constexpr std::string_view kSpaces = " \t";
@@ -45,15 +42,10 @@ void Replace(httplib::Response& response, const char* name, const std::string& v
   response.set_header(name, value);
 }
 
-std::string ReadAll(const Descriptor& file, std::size_t size) {
-  std::string bytes(size, '\0');
-  std::size_t done = 0;
-  while (done < size) {
-    const ssize_t count = ::pread(file.get(), bytes.data() + done, size - done, static_cast<off_t>(done));
-    if (count <= 0) {
-      throw std::runtime_error("a result cannot be read");
-    }
-    done += static_cast<std::size_t>(count);
+std::string ReadAll(StoredFile& file) {
+  std::string bytes;
+  while (bytes.size() < file.size()) {
+    bytes += file.Read(bytes.size(), static_cast<std::size_t>(file.size()) - bytes.size());
   }
   return bytes;
 }
@@ -135,12 +127,11 @@ std::string Gzip(std::string_view bytes) {
 }
 
 bool SendResult(const httplib::Request& request, httplib::Response& response, const Result& result) {
-  const auto file = std::make_shared<Descriptor>(::open(result.file.c_str(), O_RDONLY | O_CLOEXEC));
-  struct stat status{};
-  if (!file->open() || ::fstat(file->get(), &status) != 0 || status.st_size == 0) {
+  const std::shared_ptr<StoredFile>& file = result.file;
+  if (file == nullptr) {
     return false;
   }
-  const auto size = static_cast<std::uint64_t>(status.st_size);
+  const std::uint64_t size = file->size();
   const bool gzip = result.compresses && TakesGzip(Header(request, "Accept-Encoding"));
   const std::string tag = "\"" + result.tag + (gzip ? ".gzip" : "") + "\"";
   response.set_header("ETag", tag);
@@ -156,7 +147,7 @@ bool SendResult(const httplib::Request& request, httplib::Response& response, co
   response.status = 200;
   if (gzip) {
     response.set_header("Content-Encoding", "gzip");
-    response.set_content(Gzip(ReadAll(*file, size)), result.type);
+    response.set_content(Gzip(ReadAll(*file)), result.type);
     return true;
   }
   response.set_header("Accept-Ranges", "bytes");
@@ -180,10 +171,12 @@ bool SendResult(const httplib::Request& request, httplib::Response& response, co
   response.set_content_provider(
       range.length, result.type,
       [file, begin = range.offset](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
-        std::array<char, 65536> buffer{};
-        const ssize_t count = ::pread(file->get(), buffer.data(), std::min(length, buffer.size()),
-                                      static_cast<off_t>(begin + offset));
-        return count > 0 && sink.write(buffer.data(), static_cast<std::size_t>(count));
+        try {
+          const std::string bytes = file->Read(begin + offset, std::min(length, kReadSize));
+          return sink.write(bytes.data(), bytes.size());
+        } catch (const QueueError&) {
+          return false;  // the answer breaks off
+        }
       });
   return true;
 }

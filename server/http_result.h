@@ -4,10 +4,12 @@
 #include <httplib.h>
 
 #include <cstdint>
-#include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
+
+#include "server/queue.h"
 
 namespace radbake::server {
 
@@ -33,8 +35,8 @@ bool TakesGzip(std::string_view accept_encoding);
 std::string Gzip(std::string_view bytes);
 
 struct Result {
-  std::filesystem::path file;
-  std::string tag;  ///< unquoted; never the same for other bytes
+  std::shared_ptr<StoredFile> file;  ///< null: it is not there
+  std::string tag;                   ///< unquoted; never the same for other bytes
   const char* type = "";
   const char* name = "";    ///< for who saves it
   bool compresses = false;  ///< a text, small enough to be held

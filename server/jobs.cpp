@@ -6,10 +6,14 @@
 #include <array>
 #include <cstdio>
 #include <ctime>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <system_error>
 #include <utility>
 #include <vector>
+
+#include "server/queue_postgres.h"
+#include "server/queue_sqlite.h"
 
 namespace radbake::server {
 namespace {
@@ -26,6 +30,22 @@ std::string ToString(Time time) {
   const std::size_t length = std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%S", &parts);
   const std::string fraction = std::to_string(1000 + (time - seconds).count());
   return std::string(text.data(), length) + "." + fraction.substr(1) + "Z";
+}
+
+// What the workers of this folder are called in the queue, the next time too.
+std::string WorkerName(const std::filesystem::path& data) {
+  const std::filesystem::path file = data / "worker";
+  std::string name;
+  std::ifstream(file) >> name;
+  if (name.empty()) {
+    name = RandomId();
+    const std::filesystem::path temporary = data / "worker.new";
+    std::filesystem::remove(temporary);
+    NewFile written(temporary);
+    written.Append(name + "\n");
+    written.Publish(file);
+  }
+  return name;
 }
 
 nlohmann::json ToJson(const std::optional<Time>& time) {
@@ -52,22 +72,24 @@ Draft::~Draft() {
 Jobs::Jobs(const std::filesystem::path& data, const Options& options)
     : folder_(data / "jobs"), keep_(options.keep), least_free_(options.least_free) {
   std::filesystem::create_directories(folder_);
-  lock_ = LockFolder(data);
-  queue_.emplace(data / "jobs.sqlite", options.keep);
-  if (const std::size_t count = queue_->ReleaseAll(); count > 0) {
-    spdlog::info("{} jobs that were running are queued again", count);
+  if (options.role != Role::kWorker) {
+    lock_ = LockFolder(data, "lock");
   }
-  std::vector<std::filesystem::path> orphans;
-  for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
-    if (!queue_->Find(entry.path().filename().string())) {
-      orphans.push_back(entry.path());
-    }
+  if (options.role != Role::kApi) {
+    worker_lock_ = LockFolder(data, "worker.lock");
   }
-  for (const std::filesystem::path& orphan : orphans) {
-    std::filesystem::remove_all(orphan);
+  if (options.database.empty()) {
+    queue_ = std::make_unique<SqliteQueue>(data, keep_);
+  } else {
+    queue_ = std::make_unique<PostgresQueue>(options.database, keep_);
+  }
+  if (options.role != Role::kWorker) {
+    RemoveDrafts();
+  }
+  if (options.role != Role::kApi) {
+    workers_.emplace(*queue_, metrics_, options.workers, data / "work", WorkerName(data));
   }
   SyncFolder(data);
-  workers_.emplace(*queue_, metrics_, options.workers, [this](const std::string& id) { return Files(id); });
   forgetter_ = std::thread([this] { Forget(); });
 }
 
@@ -80,6 +102,18 @@ Jobs::~Jobs() {
   forgetter_.join();
 }
 
+void Jobs::RemoveDrafts() {
+  std::vector<std::filesystem::path> orphans;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
+    if (!queue_->KeepsFolder(entry.path().filename().string())) {
+      orphans.push_back(entry.path());
+    }
+  }
+  for (const std::filesystem::path& orphan : orphans) {
+    std::filesystem::remove_all(orphan);
+  }
+}
+
 // Forgets a job a minute late at most, and much less late where jobs are kept for a short time.
 void Jobs::Forget() {
   const auto pause = std::clamp<std::chrono::milliseconds>(keep_ / 10, 10ms, 1min);
@@ -87,44 +121,37 @@ void Jobs::Forget() {
   while (!stopping_) {
     lock.unlock();
     try {
-      for (const std::string& id : queue_->Forget(Now())) {
-        if (!workers_->Stop(id)) {
-          std::filesystem::remove_all(Files(id).folder);
-        }
+      for (const std::string& id : queue_->Forget()) {
         spdlog::info("job {}: forgotten", id);
       }
     } catch (const std::exception& error) {
-      spdlog::error("jobs cannot be forgotten: {}", error.what());  // the next start removes what is left
+      spdlog::error("jobs cannot be forgotten: {}", error.what());
     }
     lock.lock();
     stopped_.wait_for(lock, pause, [&] { return stopping_; });
   }
 }
 
-JobFiles Jobs::Files(const std::string& id) const {
-  return {folder_ / id};
-}
-
 Draft Jobs::Begin() {
-  return Draft(Files(RandomId()));
+  return Draft({folder_ / RandomId()});
 }
 
 Added Jobs::Submit(Draft draft, Submission submission) {
-  SyncTree(draft.files().folder);
-  SyncFolder(folder_);
-  const std::string id = draft.files().folder.filename().string();
-  Added added =
-      queue_->Add({id, std::move(submission.owner), std::move(submission.scene), std::move(submission.key)});
-  if (added.kind == Added::Kind::kNew) {
-    draft.taken_ = true;
-    workers_->Wake();
-  }
+  const std::filesystem::path& folder = draft.files().folder;
+  const std::string id = folder.filename().string();
+  Added added = queue_->Add(
+      {id, std::move(submission.owner), std::move(submission.scene), std::move(submission.key)}, folder);
+  draft.taken_ = added.kind == Added::Kind::kNew;
   return added;
+}
+
+std::optional<Live> Jobs::FindLive(const std::string& id) const {
+  return workers_ ? workers_->Find(id) : std::nullopt;
 }
 
 std::optional<Job> Jobs::Find(const std::string& id) {
   // First what its worker tells: a job that ends meanwhile is then seen as ended.
-  std::optional<Live> live = workers_->Find(id);
+  std::optional<Live> live = FindLive(id);
   std::optional<Job> job = queue_->Find(id);
   if (job && job->status == Status::kRunning && live) {
     job->live = std::move(*live);
@@ -135,7 +162,7 @@ std::optional<Job> Jobs::Find(const std::string& id) {
 std::vector<Job> Jobs::List(const Page& page) {
   std::vector<Job> jobs = queue_->List(page);
   for (Job& job : jobs) {
-    if (std::optional<Live> live = workers_->Find(job.id); live && job.status == Status::kRunning) {
+    if (std::optional<Live> live = FindLive(job.id); live && job.status == Status::kRunning) {
       job.live = std::move(*live);
     }
   }
@@ -143,22 +170,19 @@ std::vector<Job> Jobs::List(const Page& page) {
 }
 
 bool Jobs::Cancel(const std::string& id) {
-  if (!queue_->Cancel(id, workers_->Find(id).value_or(Live()))) {
-    return false;
+  const bool canceled = queue_->Cancel(id, FindLive(id));
+  if (canceled && workers_) {
+    workers_->Stop(id);
   }
-  workers_->Stop(id);
-  return true;
+  return canceled;
 }
 
 bool Jobs::Remove(const std::string& id) {
-  if (!queue_->Remove(id)) {
-    return false;
+  const bool removed = queue_->Remove(id);
+  if (removed && workers_) {
+    workers_->Stop(id);
   }
-  if (!workers_->Stop(id)) {
-    std::error_code ignored;  // the next start removes what is left
-    std::filesystem::remove_all(Files(id).folder, ignored);
-  }
-  return true;
+  return removed;
 }
 
 std::string Jobs::Trouble() {
@@ -175,7 +199,7 @@ std::string Jobs::Trouble() {
   if (space.available < least_free_) {
     return "the disk has less than the " + std::to_string(least_free_) + " bytes left that it should have";
   }
-  return workers_->alive() == 0 ? "no worker takes jobs" : "";
+  return workers_ && workers_->alive() == 0 ? "no worker takes jobs" : "";
 }
 
 std::uint64_t Jobs::FreeBytes() const {

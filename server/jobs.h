@@ -1,9 +1,10 @@
-/// The service without HTTP: a data folder with the queue, the files of its jobs, and the workers.
+/// The service without HTTP: the queue, the drafts of new jobs, and the workers, with a folder for what is of
+/// this process alone.
 ///
-///     DIR/lock               held by the one radbaked that uses the folder
-///     DIR/jobs.sqlite        the queue
-///     DIR/jobs/<id>/         one folder a job (JobFiles); one without a row in the queue is removed at the
-///     start
+///     DIR/lock, DIR/worker.lock   held by the radbaked that takes uploads here, and by the one that bakes
+///     here DIR/worker                  what its workers are called in the queue DIR/jobs/<id>/ the draft of
+///     a job; in SQLite, the job's files as long as there is the job DIR/work/<id>-<attempt>/    a running
+///     bake DIR/jobs.sqlite             the queue, unless it is in PostgreSQL
 #pragma once
 
 #include <chrono>
@@ -11,6 +12,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -24,6 +26,14 @@
 #include "server/worker.h"
 
 namespace radbake::server {
+
+/// The files of a job that is not queued yet, in its folder, as a bake finds them.
+struct JobFiles {
+  std::filesystem::path folder;
+
+  std::filesystem::path Parameters() const { return folder / "parameters.json"; }
+  std::filesystem::path Upload() const { return folder / "upload"; }  ///< the scene and its resources
+};
 
 /// The folder of a job that is not queued yet. Removed again unless Jobs::Submit() took it.
 class Draft {
@@ -46,18 +56,28 @@ struct Submission {
   std::optional<IdempotencyKey> key;
 };
 
-/// Thread-safe.
+/// What one process does.
+enum class Role {
+  kAll,
+  kApi,    ///< takes uploads and answers for all jobs, and bakes none
+  kWorker  ///< bakes
+};
+
+/// Thread-safe. Functions of the queue throw QueueError as that does.
 class Jobs {
  public:
   struct Options {
     Workers::Options workers;
     std::chrono::milliseconds keep = std::chrono::hours(24);  ///< how long ended jobs are kept
     std::uint64_t least_free = 0;  ///< bytes of the disk below which no job should come
+    std::string database;          ///< the URL of PostgreSQL; empty: SQLite
+    Role role = Role::kAll;
   };
 
-  /// Takes the data folder (and makes it if need be), queues again what was running when its last server
-  /// ended, removes what belongs to no job, and starts the workers. An ended job is forgotten, with its
-  /// files, when it has been kept long enough. Throws std::exception with what is wrong.
+  /// Takes the data folder (and makes it if need be), removes what belongs to no job, and starts the workers,
+  /// which queue again what was running when the last server here ended. An ended job is forgotten, with its
+  /// files, when it has been kept long enough. Throws std::exception with what is wrong; a PostgreSQL that
+  /// cannot be reached yet is waited for.
   Jobs(const std::filesystem::path& data, const Options& options);
   ~Jobs();
   Jobs(const Jobs&) = delete;
@@ -67,7 +87,7 @@ class Jobs {
   /// Makes the draft's files durable, then queues the job. When this returns, the job will be done, whatever
   /// happens to this process. Where the key has come before, nothing is queued and the draft is dropped.
   Added Submit(Draft draft, Submission submission);
-  /// A running job as its worker knows it.
+  /// A running job as its worker knows it, if that is here.
   std::optional<Job> Find(const std::string& id);
   /// A page of jobs, newest first. How to go on is Cursor() of its last.
   std::vector<Job> List(const Page& page);
@@ -79,21 +99,27 @@ class Jobs {
   /// Bytes that the disk of the data folder has left. Throws std::filesystem::filesystem_error.
   std::uint64_t FreeBytes() const;
   Metrics& metrics() { return metrics_; }
-  JobFiles Files(const std::string& id) const;
+  /// A file of the result of a job that has succeeded; null if it is not there.
+  std::unique_ptr<StoredFile> Open(const std::string& id, const std::string& name) {
+    return queue_->Open(id, name);
+  }
   /// False if the job has ended already or is not there.
   bool Cancel(const std::string& id);
   /// Stops and forgets the job, with its files. False if it is not there.
   bool Remove(const std::string& id);
 
  private:
+  void RemoveDrafts();
   void Forget();
+  std::optional<Live> FindLive(const std::string& id) const;
 
   std::filesystem::path folder_;
   std::chrono::milliseconds keep_;
   std::uint64_t least_free_;
   Metrics metrics_;
   Descriptor lock_;
-  std::optional<Queue> queue_;
+  Descriptor worker_lock_;
+  std::unique_ptr<Queue> queue_;
   std::optional<Workers> workers_;
   std::mutex mutex_;
   std::condition_variable stopped_;

@@ -83,15 +83,23 @@ std::string ToText(const nlohmann::json& json) {
 }
 
 nlohmann::json ToJson(const Problem& problem) {
-  return {{"type", problem.type},
-          {"title", problem.title},
-          {"status", problem.status},
-          {"detail", problem.detail}};
+  nlohmann::json json = {{"type", problem.type},
+                         {"title", problem.title},
+                         {"status", problem.status},
+                         {"detail", problem.detail}};
+  if (!problem.log.empty()) {
+    json["log"] = problem.log;
+  }
+  return json;
 }
 
 Problem ProblemFromJson(const nlohmann::json& json) {
-  return {json.at("status").get<int>(), json.at("type").get<std::string>(),
-          json.at("title").get<std::string>(), json.at("detail").get<std::string>(), std::chrono::seconds(1)};
+  return {json.at("status").get<int>(),
+          json.at("type").get<std::string>(),
+          json.at("title").get<std::string>(),
+          json.at("detail").get<std::string>(),
+          std::chrono::seconds(1),
+          json.value("log", "")};
 }
 
 std::string Quoted(std::string_view text) {

@@ -16,6 +16,7 @@ struct Problem {
   std::string title;  ///< the kind in words, the same each time
   std::string detail;                   ///< this case: one sentence that names what is wrong and where
   std::chrono::seconds retry_after{1};  ///< of a 429 or 503, which are worth another try
+  std::string log = {};                 ///< of a bake that failed: the last that it said, in lines
 };
 
 /// A plain HTTP error: type "about:blank", the status' own phrase as title.

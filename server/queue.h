@@ -1,17 +1,32 @@
-/// The jobs and their states, in SQLite: what was answered is on the disk (WAL, synchronous=FULL).
+/// The jobs, their states and their files: the contract of the service's one durable store.
 ///
-/// Every change is one statement that names the state it starts from, so that a job that was canceled or
-/// deleted meanwhile is left as it is; what a worker writes names its attempt too, so that one that has lost
-/// the job can change it no more. Thread-safe. All functions throw QueueError.
+/// Two databases keep it: SQLite, with the files in folders beside it (server/queue_sqlite.h), and
+/// PostgreSQL, with the files in it too, so that any number of radbaked on any machines share it
+/// (server/queue_postgres.h). One test suite holds for both.
+///
+/// What has been answered is on the disk. Every change is one statement that names the state it starts from,
+/// so that a job that was canceled or deleted meanwhile is left as it is.
+///
+/// A worker holds a job by a lease. Whoever claims a job gets the number of this attempt, and all that it
+/// writes names that number: one that has lost the job can change it no more. While it holds the job it
+/// beats, which counts up the job's beats; a job whose count stands still for as long as a lease lasts, by
+/// the clock of who watches it (server/queue_lease.h), is taken back. So no wall clock decides who holds a
+/// job: clocks may differ and may be set, forwards or back. All that is assumed is that monotonic clocks go
+/// about equally fast. The times that clients see, and when an ended job or a key is forgotten, are by the
+/// database's wall clock; no job has started before it was made or ended before it has started, whatever was
+/// done to that clock.
+///
+/// Thread-safe. Every function throws QueueError where the database cannot be reached, read or written;
+/// whether a change has been made then is not known, and asking for it again does no harm.
 #pragma once
 
-#include <array>
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
@@ -21,12 +36,9 @@
 
 #include "server/problem.h"
 
-struct sqlite3;
-
 namespace radbake::server {
 
 using Time = std::chrono::sys_time<std::chrono::milliseconds>;
-Time Now();
 
 enum class Status { kQueued, kRunning, kSucceeded, kFailed, kCanceled };
 std::string_view ToString(Status status);
@@ -43,12 +55,13 @@ struct Live {
 };
 
 struct Job {
+  std::int64_t sequence = 0;  ///< in the order in which jobs came
   std::string id;
   std::string owner;  ///< whose job it is; empty where nobody needs a name
   Status status = Status::kQueued;
   std::string scene;  ///< relative to the job's folder
   int attempt = 0;    ///< how often a worker has taken it
-  int crashes = 0;    ///< children of this job that ended without an answer
+  int crashes = 0;    ///< attempts that ended without an answer: the child's crashes and lost workers
   Live live;          ///< as last written down; while it runs, its worker knows more
   Time created;
   std::optional<Time> started;
@@ -80,6 +93,28 @@ struct Added {
   Job job;
 };
 
+/// One attempt at a job: what a worker holds.
+struct Attempt {
+  std::string id;
+  int number = 0;
+};
+
+/// An attempt as seen from outside.
+struct Held {
+  Attempt attempt;
+  std::int64_t beats = 0;
+  bool operator==(const Held& other) const {
+    return attempt.id == other.attempt.id && attempt.number == other.attempt.number && beats == other.beats;
+  }
+};
+
+/// How an attempt ended with an answer.
+struct Outcome {
+  Status status = Status::kSucceeded;  ///< or failed
+  Live live;
+  std::optional<Problem> problem;  ///< of a failed one
+};
+
 struct Waiting {
   std::size_t all = 0;
   std::size_t of_owner = 0;
@@ -102,57 +137,87 @@ class QueueError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// The names of a result's files.
+inline constexpr const char* kBakedFile = "baked.glb";
+inline constexpr const char* kStatisticsFile = "statistics.json";
+
+/// A file of a result, which never changes. For one thread at a time.
+class StoredFile {
+ public:
+  StoredFile() = default;
+  StoredFile(const StoredFile&) = delete;
+  StoredFile& operator=(const StoredFile&) = delete;
+  virtual ~StoredFile() = default;
+  virtual std::uint64_t size() const = 0;
+  /// At least one byte from `offset` < size() on, and at most `most`. Throws QueueError where the file cannot
+  /// be read, also since it has been deleted meanwhile.
+  virtual std::string Read(std::uint64_t offset, std::size_t most) = 0;
+};
+
 class Queue {
  public:
   /// Idempotency keys are kept for so long.
   static constexpr std::chrono::hours kKeyLife{24};
+  /// So many attempts may end without an answer; then the job has failed.
+  static constexpr int kAttempts = 3;
 
-  /// Opens or makes the database. Jobs are forgotten so long after their end.
-  explicit Queue(const std::filesystem::path& file, std::chrono::milliseconds keep = std::chrono::hours(24));
-  ~Queue();
+  Queue() = default;
   Queue(const Queue&) = delete;
   Queue& operator=(const Queue&) = delete;
+  virtual ~Queue() = default;
 
-  /// A new job, queued; or the one that its key has made before.
-  Added Add(const NewJob& job);
-  /// The next queued job, now running; nothing if there is none. Owners take turns: it is the oldest of the
-  /// owner who has fewest jobs running, and among such, of whom none was taken for longest.
-  std::optional<Job> Claim();
-  /// An attempt has ended. False if the job does not run, or not in this attempt.
-  bool Finish(const std::string& id, int attempt, Status status, const Live& live,
-              const std::optional<Problem>& problem);
-  /// A running job goes back to its place in the queue, with so many crashes behind it. False as above.
-  bool Release(const std::string& id, int attempt, int crashes);
-  /// The same for all running jobs: those of a server that is no more. How many there were.
-  std::size_t ReleaseAll();
-  /// A queued or running job is canceled, so far on. False if it was neither.
-  bool Cancel(const std::string& id, const Live& live);
-  /// False if there was none.
-  bool Remove(const std::string& id);
-  /// Removes the ended jobs and the keys whose time has come. The jobs' ids.
-  std::vector<std::string> Forget(Time now);
-  std::optional<Job> Find(const std::string& id);
-  std::vector<Job> List(const Page& page);
+  /// A new job, queued, with the files in `folder`, which it takes over; or the one that its key has made
+  /// before, and then the folder is left as it is. The folder is <data>/jobs/<id>.
+  virtual Added Add(const NewJob& job, const std::filesystem::path& folder) = 0;
+  /// Whether the folder <data>/jobs/<id> is in use. One that is not was left behind by who died making it.
+  virtual bool KeepsFolder(const std::string& id) = 0;
+
+  /// The next queued job, now running and held by this worker; nothing if there is none. Owners take turns:
+  /// it is the oldest of the owner who has fewest jobs running, and among such, of whom none was taken for
+  /// longest. Claims at the same moment may see the same turns.
+  virtual std::optional<Job> Claim(const std::string& worker) = 0;
+  /// Puts the upload of a job into a folder, which is made. Throws std::filesystem::filesystem_error where
+  /// that cannot be written, and with std::errc::no_such_file_or_directory where the upload is not there.
+  virtual void Fetch(const std::string& id, const std::filesystem::path& folder) = 0;
+  /// The attempt goes on, so far. False if it has lost the job: then the other changes are refused alike.
+  virtual bool Beat(const Attempt& attempt, const Live& live) = 0;
+  /// The attempt has ended with an answer; that of success has its files in the folder `results`, which are
+  /// moved or copied. Succeeded and stored is one.
+  virtual bool Finish(const Attempt& attempt, const Outcome& outcome,
+                      const std::filesystem::path& results) = 0;
+  /// The job goes back to its place in the queue, by no fault of its own.
+  virtual bool Release(const Attempt& attempt) = 0;
+  /// The attempt has ended without an answer: the job goes back to its place in the queue or, after kAttempts
+  /// of them, has failed for this reason.
+  virtual bool Crash(const Attempt& attempt, const Problem& reason) = 0;
+
+  /// All that is held, by whomever.
+  virtual std::vector<Held> ListHeld() = 0;
+  /// As Crash(), unless its worker has beaten since.
+  virtual bool TakeBack(const Held& held, const Problem& reason) = 0;
+  /// As Crash(), for all that a worker holds which is no more. How many there were.
+  virtual std::size_t TakeBackFrom(const std::string& worker, const Problem& reason) = 0;
+
+  /// A queued or running job is canceled, so far on if that is known here. False if it was neither.
+  virtual bool Cancel(const std::string& id, const std::optional<Live>& live) = 0;
+  /// Deletes it with its files. False if there was none.
+  virtual bool Remove(const std::string& id) = 0;
+  /// Removes the ended jobs and the keys whose time has come or will have so far ahead. The jobs' ids.
+  virtual std::vector<std::string> Forget(std::chrono::milliseconds ahead = {}) = 0;
+
+  virtual std::optional<Job> Find(const std::string& id) = 0;
+  virtual std::vector<Job> List(const Page& page) = 0;
   /// How many jobs wait.
-  Waiting CountQueued(const std::string& owner);
+  virtual Waiting CountQueued(const std::string& owner) = 0;
   /// How many jobs there are in each state.
-  std::map<Status, std::size_t> Count();
+  virtual std::map<Status, std::size_t> Count() = 0;
+  /// A file of the result, by its name; null if it is not there.
+  virtual std::unique_ptr<StoredFile> Open(const std::string& id, const std::string& name) = 0;
 
- private:
-  class Statement;
-  struct Closer {
-    void operator()(sqlite3* database) const;
-  };
-  /// A connection to the database, for one thread at a time.
-  struct Connection {
-    std::mutex mutex;
-    std::unique_ptr<sqlite3, Closer> database;
-  };
-  static void Open(Connection& connection, const std::filesystem::path& file);
-
-  std::chrono::milliseconds keep_;
-  Connection writer_;
-  Connection reader_;  ///< so that nobody who only looks waits for the disk
+  /// Calls `hint`, from any thread, when there may be a job to claim, or one that is held may have been
+  /// canceled. It takes the place of the one before, which is not called any more when this returns; an empty
+  /// one ends it. It is a hint: what comes of another process may be missed. It must not call the queue.
+  virtual void OnChange(std::function<void()> hint) = 0;
 };
 
 }  // namespace radbake::server

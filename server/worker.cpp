@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <csignal>
 #include <cstdint>
 #include <fstream>
@@ -19,7 +18,7 @@ namespace {
 constexpr int kBaked = 0;
 constexpr int kFailed = 1;
 constexpr int kBadInput = 2;
-constexpr std::chrono::seconds kRetry{1};
+constexpr std::chrono::milliseconds kPause{20};
 
 // Without the name of the program that said it.
 std::string Reason(const ChildEnd& end) {
@@ -84,11 +83,16 @@ std::uint64_t Rays(const std::filesystem::path& statistics) {
              : 0;
 }
 
-void PublishResult(const JobFiles& files) {
-  Publish(files.Attempt() / "statistics.json", files.Statistics());
-  Publish(files.Attempt() / "baked.glb", files.Scene());
-  std::filesystem::remove_all(files.Attempt());
-  SyncFolder(files.folder);
+Problem WorkerLost() {
+  return BakeFailed("gave up after " + std::to_string(Queue::kAttempts) +
+                    " attempts: the last one's worker was lost");
+}
+
+// As a child has left it, which may be anything.
+bool IsResult(const std::filesystem::path& path) {
+  std::error_code ignored;
+  return std::filesystem::symlink_status(path, ignored).type() == std::filesystem::file_type::regular &&
+         std::filesystem::file_size(path, ignored) > 0;
 }
 
 }  // namespace
@@ -120,13 +124,18 @@ void ReadProgress(std::string_view line, Live& live) {
   }
 }
 
-Workers::Workers(Queue& queue, Metrics& metrics, Options options,
-                 std::function<JobFiles(const std::string& id)> files)
+Workers::Workers(Queue& queue, Metrics& metrics, Options options, std::filesystem::path folder,
+                 std::string name)
     : queue_(queue),
       metrics_(metrics),
       options_(std::move(options)),
-      files_(std::move(files)),
+      folder_(std::move(folder)),
+      name_(std::move(name)),
       alive_(options_.count) {
+  std::filesystem::remove_all(folder_);
+  std::filesystem::create_directory(folder_);
+  queue_.OnChange([this] { Wake(); });
+  keeper_ = std::thread([this] { Keep(); });
   for (int i = 0; i < options_.count; ++i) {
     threads_.emplace_back([this] { Work(); });
   }
@@ -138,40 +147,55 @@ Workers::~Workers() {
     stopping_ = true;
     changed_.notify_all();
     ended_.wait_for(lock, options_.grace, [&] { return running_.empty(); });
-    for (const auto& [id, running] : running_) {
+    for (const auto& running : running_) {
       running->stop.Raise();
     }
   }
   for (std::thread& thread : threads_) {
     thread.join();
   }
+  keeper_.join();
+  queue_.OnChange({});
 }
 
 void Workers::Wake() {
-  // Under the lock: a worker that has just found nothing must not miss it.
-  const std::lock_guard lock(mutex_);
+  {
+    // Under the lock: a worker that has just found nothing must not miss it.
+    const std::lock_guard lock(mutex_);
+    ++news_;
+  }
   changed_.notify_all();
 }
 
-bool Workers::Stop(const std::string& id) {
+void Workers::Stop(const std::string& id) {
   const std::lock_guard lock(mutex_);
-  const auto found = running_.find(id);
-  if (found == running_.end()) {
-    return false;
+  for (const auto& running : running_) {
+    if (running->attempt.id == id) {
+      running->lost = true;
+      running->stop.Raise();
+    }
   }
-  found->second->stop.Raise();
-  return true;
 }
 
 std::optional<Live> Workers::Find(const std::string& id) const {
   const std::lock_guard lock(mutex_);
-  const auto found = running_.find(id);
-  return found == running_.end() ? std::nullopt : std::optional(found->second->live);
+  const auto found = std::find_if(running_.rbegin(), running_.rend(),
+                                  [&](const auto& running) { return running->attempt.id == id; });
+  return found == running_.rend() ? std::nullopt : std::optional((*found)->live);
 }
 
-bool Workers::stopping() const {
+// Said once, however often it is met.
+void Workers::Trouble(const std::string& what) {
   const std::lock_guard lock(mutex_);
-  return stopping_;
+  if (what == trouble_) {
+    return;
+  }
+  trouble_ = what;
+  if (what.empty()) {
+    spdlog::info("the queue is back");
+  } else {
+    spdlog::error("{}: it is tried again", what);
+  }
 }
 
 // The children die with the thread that started them: this loop is that thread's whole life.
@@ -182,34 +206,34 @@ void Workers::Work() {
     Bake(job, *running);
     {
       const std::lock_guard lock(mutex_);
-      running_.erase(job.id);
+      std::erase(running_, running);
     }
     ended_.notify_all();
-    try {
-      if (!queue_.Find(job.id)) {
-        std::filesystem::remove_all(files_(job.id).folder);
-      }
-    } catch (const std::exception& error) {
-      spdlog::error("{}", error.what());  // the next start removes what is left
-    }
+    changed_.notify_all();
   }
   --alive_;
 }
 
-// Claims and registers under one lock, so that Stop() finds every job that the queue calls running.
 std::shared_ptr<Workers::Running> Workers::Claim(Job& job) {
   std::unique_lock lock(mutex_);
   while (!stopping_) {
-    try {
-      if (std::optional<Job> claimed = queue_.Claim()) {
-        job = std::move(*claimed);
-        return running_[job.id] = std::make_shared<Running>();
+    const std::uint64_t seen = news_;
+    std::optional<Job> claimed;
+    if (recovered_) {
+      lock.unlock();
+      try {
+        claimed = queue_.Claim(name_);
+      } catch (const std::exception& error) {
+        Trouble(error.what());
       }
-      changed_.wait(lock);
-    } catch (const std::exception& error) {
-      spdlog::error("no job can be taken: {}", error.what());
-      changed_.wait_for(lock, kRetry);
+      lock.lock();
     }
+    if (claimed) {
+      job = std::move(*claimed);
+      running_.push_back(std::make_shared<Running>(Attempt{job.id, job.attempt}));
+      return running_.back();
+    }
+    changed_.wait(lock, [&] { return stopping_ || news_ != seen; });
   }
   return nullptr;
 }
@@ -217,65 +241,90 @@ std::shared_ptr<Workers::Running> Workers::Claim(Job& job) {
 void Workers::Bake(const Job& job, Running& running) {
   spdlog::info("the bake starts");
   if (job.attempt == 1) {
-    metrics_.CountStart(Now() - job.created);
+    metrics_.CountStart(job.started.value_or(job.created) - job.created);
   }
-  const auto begin = std::chrono::steady_clock::now();
-  ChildEnd end;
+  const std::filesystem::path folder = folder_ / (job.id + "-" + std::to_string(job.attempt));
   try {
-    end = RunBake(job, running);
-    if (end.exit_code == kBaked) {
-      PublishResult(files_(job.id));
+    // Whoever canceled it before it was known here could stop nothing.
+    const std::optional<Job> now = queue_.Find(job.id);
+    if (now && now->status == Status::kRunning && now->attempt == job.attempt) {
+      queue_.Fetch(job.id, folder);
+      const auto begin = std::chrono::steady_clock::now();
+      const ChildEnd end = RunBake(job, running, folder);
+      Count(end, running.stop.raised(), std::chrono::steady_clock::now() - begin, folder);
+      Settle(job, running, end, folder);
     }
   } catch (const std::exception& error) {
     spdlog::error("{}", error.what());
-    end = {};  // the client need not learn the server's paths
+    const auto* const missing = dynamic_cast<const std::filesystem::filesystem_error*>(&error);
+    const bool gone = missing != nullptr && missing->code() == std::errc::no_such_file_or_directory;
+    Persist(running, [&] {
+      if (gone) {
+        queue_.Crash(running.attempt, BakeFailed("the files of the upload are lost"));
+      } else {
+        queue_.Release(running.attempt);
+      }
+    });
+    // No fault of the job's: what is missing here may be there again, or elsewhere.
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, options_.beat, [&] { return stopping_; });
   }
-  Count(job, end, running.stop.raised(), std::chrono::steady_clock::now() - begin);
-  Live live = Find(job.id).value_or(Live());
-  Persist([&] {
-    if (end.exit_code == kBaked) {
-      live.progress = 1;
-      queue_.Finish(job.id, job.attempt, Status::kSucceeded, live, std::nullopt);
-    } else if (end.exit_code == kBadInput) {
-      queue_.Finish(job.id, job.attempt, Status::kFailed, live, BadScene(Reason(end)));
-    } else if (const std::string limit = LimitHit(end, options_.limits); !limit.empty()) {
-      queue_.Finish(job.id, job.attempt, Status::kFailed, live, BeyondLimit(limit));
-    } else if (running.stop.raised()) {
-      queue_.Release(job.id, job.attempt, job.crashes);
-    } else if (job.crashes + 1 < kAttempts) {
-      queue_.Release(job.id, job.attempt, job.crashes + 1);
-    } else {
-      queue_.Finish(job.id, job.attempt, Status::kFailed, live,
-                    BakeFailed("gave up after " + std::to_string(kAttempts) + " attempts: the last " +
-                               HowItEnded(end)));
-    }
-  });
-  spdlog::info("the bake {}", HowItEnded(end));
+  std::error_code ignored;  // the next start removes what is left
+  std::filesystem::remove_all(folder, ignored);
 }
 
-void Workers::Count(const Job& job, const ChildEnd& end, bool stopped,
-                    std::chrono::duration<double> seconds) {
+void Workers::Settle(const Job& job, Running& running, const ChildEnd& end,
+                     const std::filesystem::path& folder) {
+  const std::filesystem::path results = folder / "attempt";
+  Live live = Find(job.id).value_or(Live());
+  spdlog::info("the bake {}", HowItEnded(end));
+  const auto fail = [&](Problem problem) {
+    problem.log = end.log;
+    queue_.Finish(running.attempt, {Status::kFailed, live, std::move(problem)}, results);
+  };
+  Persist(running, [&] {
+    if (end.exit_code == kBaked && IsResult(results / kBakedFile) && IsResult(results / kStatisticsFile)) {
+      live.progress = 1;
+      queue_.Finish(running.attempt, {Status::kSucceeded, live, std::nullopt}, results);
+    } else if (end.exit_code == kBadInput) {
+      fail(BadScene(Reason(end)));
+    } else if (const std::string limit = LimitHit(end, options_.limits); !limit.empty()) {
+      fail(BeyondLimit(limit));
+    } else if (running.stop.raised()) {
+      queue_.Release(running.attempt);
+    } else {
+      const std::string how = end.exit_code == kBaked ? "left no result" : HowItEnded(end);
+      Problem problem =
+          BakeFailed("gave up after " + std::to_string(Queue::kAttempts) + " attempts: the last " + how);
+      problem.log = end.log;
+      queue_.Crash(running.attempt, problem);
+    }
+  });
+}
+
+void Workers::Count(const ChildEnd& end, bool stopped, std::chrono::duration<double> seconds,
+                    const std::filesystem::path& folder) {
   const bool baked = end.exit_code == kBaked;
   const char* const outcome = baked                        ? "baked"
                               : end.exit_code == kBadInput ? "refused"
                               : stopped                    ? "stopped"
                                                            : "failed";
-  metrics_.CountBake(outcome, seconds, baked ? Rays(files_(job.id).Statistics()) : 0);
+  metrics_.CountBake(outcome, seconds,
+                     baked && IsResult(folder / "attempt" / kStatisticsFile)
+                         ? Rays(folder / "attempt" / kStatisticsFile)
+                         : 0);
   if (const std::optional<KillReason> reason = Killed(end, stopped)) {
     metrics_.CountKill(*reason);
   }
 }
 
-ChildEnd Workers::RunBake(const Job& job, Running& running) {
-  const JobFiles files = files_(job.id);
-  // What an earlier attempt left behind, whoever still writes to it.
-  std::filesystem::remove_all(files.Attempt());
-  std::filesystem::create_directory(files.Attempt());
+ChildEnd Workers::RunBake(const Job& job, Running& running, const std::filesystem::path& folder) {
+  std::filesystem::create_directory(folder / "attempt");
   ChildCommand command = {
       options_.radbake,
       {"bake", job.scene, "-o", "attempt/baked.glb", "--parameters", "parameters.json", "--statistics",
        "attempt/statistics.json", "--progress", "json", "--threads", std::to_string(options_.threads)},
-      files.folder,
+      folder,
       options_.limits};
   command.arguments.insert(command.arguments.end(), options_.flags.begin(), options_.flags.end());
   return RunChild(
@@ -287,20 +336,99 @@ ChildEnd Workers::RunBake(const Job& job, Running& running) {
       running.stop);
 }
 
-// What is true must be written down, even if the disk is full for a while. If the server ends before it could
-// be, the job is found running at the next start, and runs again.
-void Workers::Persist(const std::function<void()>& change) {
+// What is true must be written down, even if the disk is full or the database is away for a while. If the
+// server ends before it could be, the job is taken back, and runs again.
+void Workers::Persist(const Running& running, const std::function<void()>& change) {
   while (true) {
     try {
-      change();
+      const auto lost = [&] {
+        const std::lock_guard lock(mutex_);
+        return running.lost;
+      };
+      if (!lost()) {
+        change();
+      }
       return;
     } catch (const std::exception& error) {
-      spdlog::error("will be tried again: {}", error.what());
+      Trouble(error.what());
       std::unique_lock lock(mutex_);
-      if (stopping_) {
+      if (changed_.wait_for(lock, options_.beat, [&] { return stopping_; })) {
         return;
       }
-      changed_.wait_for(lock, kRetry);
+    }
+  }
+}
+
+void Workers::Drop(Running& running) {
+  const std::lock_guard lock(mutex_);
+  running.lost = true;
+  running.stop.Raise();
+}
+
+void Workers::Keep() {
+  using Clock = LeaseWatch::Clock;
+  LeaseWatch watch(options_.lease);
+  Clock::time_point beat = Clock::now();
+  std::unique_lock lock(mutex_);
+  while (!stopping_ || !running_.empty()) {
+    const std::uint64_t seen = news_;
+    const bool due = Clock::now() >= beat;
+    lock.unlock();
+    try {
+      Look(watch, due);
+      Trouble("");
+    } catch (const std::exception& error) {
+      Trouble(error.what());
+    }
+    if (due) {
+      beat = Clock::now() + options_.beat;
+      Wake();
+    }
+    lock.lock();
+    // Hints come in swarms; all of one are looked after at once.
+    const auto over = [&] { return stopping_ && running_.empty(); };
+    changed_.wait_for(lock, std::min(kPause, options_.beat), over);
+    changed_.wait_until(lock, beat, [&] { return over() || news_ != seen + (due ? 1U : 0U); });
+  }
+}
+
+void Workers::Look(LeaseWatch& watch, bool beat) {
+  std::vector<std::shared_ptr<Running>> running;
+  std::vector<Live> live;
+  bool recovered = false;
+  {
+    const std::lock_guard lock(mutex_);
+    running = running_;
+    for (const auto& one : running) {
+      live.push_back(one->live);
+    }
+    recovered = recovered_;
+  }
+  if (!recovered) {
+    if (const std::size_t count = queue_.TakeBackFrom(name_, WorkerLost()); count > 0) {
+      spdlog::info("{} jobs that were running when the last server here ended are taken back", count);
+    }
+    const std::lock_guard lock(mutex_);
+    recovered_ = true;
+  }
+  for (std::size_t i = 0; beat && i < running.size(); ++i) {
+    queue_.Beat(running[i]->attempt, live[i]);
+  }
+  // Whatever is seen as held now was claimed before: what began to run before and is not among it has been
+  // lost.
+  const std::vector<Held> held = queue_.ListHeld();
+  for (const auto& one : running) {
+    const bool holds = std::any_of(held.begin(), held.end(), [&](const Held& other) {
+      return other.attempt.id == one->attempt.id && other.attempt.number == one->attempt.number;
+    });
+    if (!holds) {
+      Drop(*one);
+    }
+  }
+  for (const Held& lapsed : watch.Lapsed(held, LeaseWatch::Clock::now())) {
+    if (queue_.TakeBack(lapsed, WorkerLost())) {
+      spdlog::warn("job {}: its worker has given no sign of life, attempt {} is taken back",
+                   lapsed.attempt.id, lapsed.attempt.number);
     }
   }
 }

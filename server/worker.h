@@ -1,12 +1,13 @@
-/// The workers: each takes the oldest queued job, bakes it in a child process, and writes down how it ended.
+/// The workers: each takes the next queued job, bakes it in a child process, and writes down how it ended.
+/// What they hold is kept with signs of life, and what others hold without one is taken back.
 #pragma once
 
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -19,24 +20,9 @@
 #include "server/child.h"
 #include "server/metrics.h"
 #include "server/queue.h"
+#include "server/queue_lease.h"
 
 namespace radbake::server {
-
-/// A child that ended without an answer (killed, crashed, exit code 1) is tried again, so often in all.
-inline constexpr int kAttempts = 3;
-
-/// The files of one job, in its folder.
-struct JobFiles {
-  std::filesystem::path folder;
-
-  std::filesystem::path Parameters() const { return folder / "parameters.json"; }
-  std::filesystem::path Upload() const { return folder / "upload"; }    ///< the scene and its resources
-  std::filesystem::path Attempt() const { return folder / "attempt"; }  ///< what the running child writes
-  std::filesystem::path Scene() const {
-    return folder / "baked.glb";
-  }  ///< the result, whole once it is there
-  std::filesystem::path Statistics() const { return folder / "statistics.json"; }
-};
 
 /// So many of the last iterations are shown of a job.
 inline constexpr std::size_t kIterationsShown = 8;
@@ -55,53 +41,71 @@ class Workers {
     ChildLimits limits;                   ///< of each
     std::vector<std::string> flags = {};  ///< that the program gets beside those of the job
     std::chrono::seconds grace{0};        ///< that running children get to end when the workers stop
+    /// How long a job may be held without a sign of life.
+    std::chrono::milliseconds lease = std::chrono::seconds(15);
+    /// Between two signs of life, and between two looks for what others have changed.
+    std::chrono::milliseconds beat = std::chrono::seconds(1);
   };
 
-  /// Starts the threads. `files` gives the files of a job. The queue and the metrics must outlive this
-  /// object.
-  Workers(Queue& queue, Metrics& metrics, Options options,
-          std::function<JobFiles(const std::string& id)> files);
+  /// Starts the threads. `name` names these workers in the queue: what workers of the same name held there is
+  /// taken back before anything is claimed, for they are no more. Each running bake has a folder of its own
+  /// in `folder`, which is theirs alone and is emptied. The queue and the metrics must outlive this object,
+  /// and the queue's OnChange() is theirs.
+  Workers(Queue& queue, Metrics& metrics, Options options, std::filesystem::path folder, std::string name);
   /// Takes no more jobs, gives the children their grace, and stops those that are left: their jobs go back to
   /// the queue.
   ~Workers();
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;
 
-  /// There may be a new job.
-  void Wake();
-  /// Stops the job's child if it has one: whoever asks has changed the job in the queue before. True if it
-  /// had one; its folder then belongs to the worker, which removes it when the job is no longer in the queue.
-  bool Stop(const std::string& id);
+  /// Stops the job's child if it has one here: whoever asks has changed the job in the queue before.
+  void Stop(const std::string& id);
+  /// What the child of a job that runs here has told last.
   std::optional<Live> Find(const std::string& id) const;
   /// How many take jobs.
   int alive() const { return alive_; }
 
  private:
   struct Running {
+    explicit Running(Attempt held) : attempt(std::move(held)) {}
+    Attempt attempt;
     StopSignal stop;
     Live live;
+    bool lost = false;  ///< the job is no longer held: nothing more is written of it
   };
 
   void Work();
   std::shared_ptr<Running> Claim(Job& job);
   void Bake(const Job& job, Running& running);
-  void Count(const Job& job, const ChildEnd& end, bool stopped, std::chrono::duration<double> seconds);
-  ChildEnd RunBake(const Job& job, Running& running);
-  void Persist(const std::function<void()>& change);
-  bool stopping() const;
+  void Settle(const Job& job, Running& running, const ChildEnd& end, const std::filesystem::path& folder);
+  void Count(const ChildEnd& end, bool stopped, std::chrono::duration<double> seconds,
+             const std::filesystem::path& folder);
+  ChildEnd RunBake(const Job& job, Running& running, const std::filesystem::path& folder);
+  void Persist(const Running& running, const std::function<void()>& change);
+
+  void Keep();
+  void Look(LeaseWatch& watch, bool beat);
+  void Drop(Running& running);
+  void Wake();
+  void Trouble(const std::string& what);
 
   Queue& queue_;
   Metrics& metrics_;
   Options options_;
-  std::function<JobFiles(const std::string&)> files_;
+  std::filesystem::path folder_;
+  std::string name_;
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::condition_variable ended_;  ///< one of the running
   bool stopping_ = false;
-  std::map<std::string, std::shared_ptr<Running>> running_;
+  bool recovered_ = false;                         ///< what the predecessors held has been taken back
+  std::uint64_t news_ = 0;                         ///< counts the reasons to look into the queue
+  std::string trouble_;                            ///< why the queue cannot be used, as logged; empty: it can
+  std::vector<std::shared_ptr<Running>> running_;  ///< in the order in which they began
   std::atomic<int> alive_;
   std::vector<std::thread> threads_;
+  std::thread keeper_;
 };
 
 }  // namespace radbake::server

@@ -111,6 +111,7 @@ const std::map<std::string, Wrapped> kWrapped = {
     {"tinygltf", {{"tiny_gltf", "tinygltf"}, {"solver/gltf/"}}},
     {"httplib", {{"httplib.h"}, {"server/http", "server/upload", "server/problem"}}},
     {"sqlite", {{"sqlite3"}, {"server/queue"}}},
+    {"libpq", {{"libpq", "postgresql/"}, {"server/queue"}}},
 };
 
 bool MayInclude(const std::string& file, const std::string& include) {
@@ -167,7 +168,7 @@ TEST(Architecture, EveryIncludeFollowsTheDirectionsOfTheDesign) {
     }
   }
   EXPECT_THAT(violations, IsEmpty());
-  EXPECT_THAT(wrapped_and_used, testing::IsSupersetOf({"embree", "httplib", "sqlite"}));
+  EXPECT_THAT(wrapped_and_used, testing::IsSupersetOf({"embree", "httplib", "sqlite", "libpq"}));
 }
 
 TEST(Architecture, OwnFilesAreIncludedByTheirPathFromTheRoot) {

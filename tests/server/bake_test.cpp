@@ -37,16 +37,17 @@ class BakeTest : public testing::Test {
   TemporaryFolder folder_;
 };
 
-TEST_F(BakeTest, CallsRadbakeInTheJobsFolder) {
+TEST_F(BakeTest, CallsRadbakeInAFolderOfTheAttempt) {
   const Service service = Start("printf '%s\\n' \"$PWD\" \"$@\" > $test/call\n" + kBakes);
   const std::string job = service.client().PostScene();
   service.client().WaitFor(job, "succeeded");
   EXPECT_EQ(ReadFile(folder() / "call"),
-            Folder(job).string() +
+            (data() / "work" / (Folder(job).filename().string() + "-1")).string() +
                 "\nbake\nupload/scene.glb\n-o\nattempt/baked.glb\n--parameters\nparameters.json\n" +
                 "--statistics\nattempt/statistics.json\n--progress\njson\n--threads\n1\n");
   EXPECT_THAT(ListTree(Folder(job)),
               ElementsAre("baked.glb", "parameters.json", "statistics.json", "upload", "upload/scene.glb"));
+  EXPECT_TRUE(Eventually([&] { return std::filesystem::is_empty(data() / "work"); }));
 }
 
 TEST_F(BakeTest, ShowsTheProgressWhileItRuns) {

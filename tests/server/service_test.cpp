@@ -48,6 +48,16 @@ Answer ParseAnswer(const std::string& text) {
   return answer;
 }
 
+Jobs::Options ToJobs(const std::filesystem::path& radbake, const Service::Options& options) {
+  Jobs::Options jobs;
+  jobs.workers.radbake = radbake;
+  jobs.workers.count = options.workers;
+  jobs.workers.limits = options.child_limits;
+  jobs.keep = options.keep;
+  jobs.least_free = options.least_free;
+  return jobs;
+}
+
 // Requests and jobs are logged; a test's own output is not to be found among that.
 const bool kQuiet = (spdlog::set_level(spdlog::level::off), true);
 
@@ -225,7 +235,7 @@ HttpLimits Service::SmallLimits() {
 
 Service::Service(const std::filesystem::path& data, const std::filesystem::path& radbake,
                  const Options& options)
-    : jobs_(data, {{radbake, options.workers, 1, options.child_limits}, options.keep, options.least_free}),
+    : jobs_(data, ToJobs(radbake, options)),
       server_(jobs_, {"127.0.0.1", 0, options.limits,
                       options.tokens.empty() ? nullptr : std::make_shared<const Tokens>(options.tokens),
                       options.origins}),
