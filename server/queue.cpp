@@ -32,19 +32,4 @@ bool IsCursor(const std::string& text) {
   return error == std::errc() && end == text.data() + text.size() && sequence >= 0;
 }
 
-std::map<Status, std::size_t> Queue::Count() {
-  std::map<Status, std::size_t> counts;
-  for (const std::string_view name : kStatusNames) {
-    counts[StatusFrom(name).value_or(Status::kQueued)] = 0;
-  }
-  const std::lock_guard lock(reader_.mutex);
-  Statement count(reader_.database.get(), "SELECT status, count(*) FROM jobs GROUP BY status");
-  while (count.Step()) {
-    if (const std::optional<Status> status = StatusFrom(count.Text().value_or(""))) {
-      counts[*status] = static_cast<std::size_t>(count.Integer());
-    }
-  }
-  return counts;
-}
-
 }  // namespace radbake::server

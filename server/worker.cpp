@@ -231,6 +231,9 @@ std::shared_ptr<Workers::Running> Workers::Claim(Job& job) {
     if (claimed) {
       job = std::move(*claimed);
       running_.push_back(std::make_shared<Running>(Attempt{job.id, job.attempt}));
+      if (stopping_) {
+        running_.back()->stop.Raise();  // who stops has not seen it
+      }
       return running_.back();
     }
     changed_.wait(lock, [&] { return stopping_ || news_ != seen; });
