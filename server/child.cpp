@@ -47,6 +47,7 @@ std::pair<Descriptor, Descriptor> Pipe() {
 struct Launch {
   const char* program;
   char* const* arguments;
+  char* const* environment;
   const char* folder;
   pid_t parent;
   int input;
@@ -75,7 +76,7 @@ struct Launch {
     }
   }
   if (confined && ::chdir(launch.folder) == 0) {
-    ::execv(launch.program, launch.arguments);
+    ::execve(launch.program, launch.arguments, launch.environment);
   }
   constexpr std::string_view kMessage = "the program could not be started\n";
   static_cast<void>(!::write(2, kMessage.data(), kMessage.size()));
@@ -239,6 +240,13 @@ ChildEnd RunChild(const ChildCommand& command, const std::function<void(std::str
     arguments.push_back(word.data());
   }
   arguments.push_back(nullptr);
+  std::vector<char*> environment;
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    if (!std::string_view(*variable).starts_with("PG")) {
+      environment.push_back(*variable);
+    }
+  }
+  environment.push_back(nullptr);
 
   const Descriptor input(::open("/dev/null", O_RDONLY | O_CLOEXEC));
   if (!input.open()) {
@@ -251,6 +259,7 @@ ChildEnd RunChild(const ChildCommand& command, const std::function<void(std::str
   ::getrlimit(RLIMIT_NOFILE, &limit);
   const Launch launch = {command.program.c_str(),
                          arguments.data(),
+                         environment.data(),
                          command.folder.c_str(),
                          ::getpid(),
                          input.get(),

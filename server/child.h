@@ -39,8 +39,9 @@ struct ChildEnd {
   std::string log;     ///< its last lines on standard error, a few thousand bytes of them
 };
 
-/// Runs the program to its end. Its standard input is /dev/null and it inherits no other descriptor.
-/// `on_line` gets each whole line of its standard output (at most 64 KiB long; longer ones are left out).
+/// Runs the program to its end. Its standard input is /dev/null and it inherits no other descriptor, and of
+/// the environment all but what PostgreSQL's client reads (PG…), among which may be a password. `on_line`
+/// gets each whole line of its standard output (at most 64 KiB long; longer ones are left out).
 ///
 /// When `stop` is raised or its time is up the child gets SIGTERM, and SIGKILL if it is still there two
 /// seconds later. The child is killed by the kernel when the *thread* that called this function ends: call it

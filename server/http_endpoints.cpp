@@ -145,6 +145,11 @@ void Refuse(const Request& request, Response& response, const Problem& problem) 
 std::string Endpoints::Check(const Request& request) const {
   CheckHead(request, limits_.upload);
   const Resource resource = ParsePath(request.path).resource;
+  const bool watched =
+      resource == Resource::kHealth || resource == Resource::kReady || resource == Resource::kMetrics;
+  if (jobs_.role() == Role::kWorker && !watched) {
+    throw ProblemError(HttpProblem(404, "this radbaked bakes, and answers for no job"));
+  }
   if (tokens_ == nullptr || resource == Resource::kHealth || resource == Resource::kReady ||
       resource == Resource::kAsset) {
     return "";
@@ -293,7 +298,8 @@ Then Endpoints::ServeJob(const Request& request, Response& response, const Targe
       send({jobs_.Open(job.id, kBakedFile), job.id + ".scene", "model/gltf-binary", "baked.glb", false});
       return {};
     case Resource::kStatistics:
-      send({jobs_.Open(job.id, kStatisticsFile), job.id + ".statistics", "application/json", "statistics.json", true});
+      send({jobs_.Open(job.id, kStatisticsFile), job.id + ".statistics", "application/json",
+            "statistics.json", true});
       return {};
     case Resource::kLightmap:
       throw ProblemError(HttpProblem(404, "the job has no lightmap: its light is at the scene's vertices"));

@@ -70,12 +70,12 @@ Draft::~Draft() {
 }
 
 Jobs::Jobs(const std::filesystem::path& data, const Options& options)
-    : folder_(data / "jobs"), keep_(options.keep), least_free_(options.least_free) {
+    : folder_(data / "jobs"), keep_(options.keep), least_free_(options.least_free), role_(options.role) {
   std::filesystem::create_directories(folder_);
-  if (options.role != Role::kWorker) {
+  if (role_ != Role::kWorker) {
     lock_ = LockFolder(data, "lock");
   }
-  if (options.role != Role::kApi) {
+  if (role_ != Role::kApi) {
     worker_lock_ = LockFolder(data, "worker.lock");
   }
   if (options.database.empty()) {
@@ -83,10 +83,10 @@ Jobs::Jobs(const std::filesystem::path& data, const Options& options)
   } else {
     queue_ = std::make_unique<PostgresQueue>(options.database, keep_);
   }
-  if (options.role != Role::kWorker) {
+  if (role_ != Role::kWorker) {
     RemoveDrafts();
   }
-  if (options.role != Role::kApi) {
+  if (role_ != Role::kApi) {
     workers_.emplace(*queue_, metrics_, options.workers, data / "work", WorkerName(data));
   }
   SyncFolder(data);

@@ -99,6 +99,7 @@ class Jobs {
   /// Bytes that the disk of the data folder has left. Throws std::filesystem::filesystem_error.
   std::uint64_t FreeBytes() const;
   Metrics& metrics() { return metrics_; }
+  Role role() const { return role_; }
   /// A file of the result of a job that has succeeded; null if it is not there.
   std::unique_ptr<StoredFile> Open(const std::string& id, const std::string& name) {
     return queue_->Open(id, name);
@@ -116,6 +117,7 @@ class Jobs {
   std::filesystem::path folder_;
   std::chrono::milliseconds keep_;
   std::uint64_t least_free_;
+  Role role_;
   Metrics metrics_;
   Descriptor lock_;
   Descriptor worker_lock_;

@@ -14,6 +14,7 @@
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <set>
 #include <stdexcept>
@@ -25,6 +26,7 @@
 #include "server/http.h"
 #include "server/jobs.h"
 #include "server/log.h"
+#include "server/queue_postgres.h"
 #include "solver/gltf/document.h"
 
 namespace {
@@ -177,6 +179,24 @@ void AddClients(CLI::App& app, std::string& tokens, bool& insecure, std::set<std
   app.add_flag("--insecure", insecure, "Listen to other machines without tokens");
 }
 
+// Which part of the service this process is, and where its queue is.
+void AddQueue(CLI::App& app, Jobs::Options& options, std::string& lease) {
+  using radbake::server::Role;
+  app.add_option(
+      "--database", options.database,
+      "postgresql://…: the queue and all files are there, for any number of radbaked (its password is "
+      "best in PGPASSWORD or PGPASSFILE; default: SQLite in the folder of the jobs)");
+  app.add_option(
+         "--role", options.role,
+         "api: takes uploads and answers for all jobs; worker: bakes, and answers /healthz, /readyz and "
+         "/metrics; all: both")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, Role>{{"all", Role::kAll}, {"api", Role::kApi}, {"worker", Role::kWorker}}))
+      ->default_str("all");
+  app.add_option("--lease", lease, "How long a worker may be silent before its jobs are others'")
+      ->capture_default_str();
+}
+
 sigset_t StopSignals() {
   sigset_t signals;
   sigemptyset(&signals);
@@ -255,6 +275,8 @@ int main(int argc, char** argv) {
   options.least_free = 256ULL << 20U;
   app.add_option("--least-free", options.least_free, "Bytes of the disk below which /readyz says no")
       ->capture_default_str();
+  std::string lease = "15s";
+  AddQueue(app, options, lease);
   std::string keep = "24h";
   std::string grace = "10s";
   app.add_option("--grace", grace, "How long running bakes may go on when the service is stopped")
@@ -264,6 +286,11 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     options.keep = ParseDuration("--keep", keep);
     workers.grace = ParseDuration("--grace", grace);
+    workers.lease = ParseDuration("--lease", lease);
+    workers.beat = std::min<std::chrono::milliseconds>(workers.beat, workers.lease / 5);
+    if (workers.lease < std::chrono::seconds(1)) {
+      throw CLI::ValidationError("--lease", "takes a second or more");
+    }
     ParseListen(listen, http);
     if (!IsLoopback(http.host) && tokens.empty() && !insecure) {
       throw CLI::ValidationError("--listen",
@@ -281,6 +308,9 @@ int main(int argc, char** argv) {
     }
     if (::access(workers.radbake.c_str(), X_OK) != 0) {
       throw std::runtime_error("there is no program " + radbake + ": --radbake says where it is");
+    }
+    if (!options.database.empty()) {
+      const radbake::server::PostgresQueue checked(options.database);  // connects to nothing
     }
     if (!tokens.empty()) {
       http.tokens = std::make_shared<const radbake::server::Tokens>(radbake::server::Tokens::Read(tokens));

@@ -292,6 +292,10 @@ std::string Daemon::Log() const {
   return ReadFile(log_);
 }
 
+void Daemon::Signal(int signal) const {
+  ::kill(pid_, signal);
+}
+
 int Daemon::End(int signal) {
   if (pid_ < 0) {
     return 0;

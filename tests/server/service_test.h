@@ -136,6 +136,7 @@ class Daemon {
   Client client() const { return Client(port_); }
   /// What it has written to standard error, so far.
   std::string Log() const;
+  void Signal(int signal) const;
   /// Sends the signal and waits; the exit code, or minus the signal that ended it.
   int End(int signal);
 
