@@ -90,7 +90,7 @@ Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) con
     receiver_first =
         by_shooter <= by_kernel + by_visibility && hierarchy.Radius(link.receiver) >= shooter_radius;
   } else {
-    const bool visibility_to_receiver = 4 * receiver_size >= shooter_size;
+    const bool visibility_to_receiver = IsAtLeast(4 * receiver_size, shooter_size);
     receiver_first = by_kernel + (visibility_to_receiver ? by_visibility : 0) >=
                      by_shooter + (visibility_to_receiver ? 0 : by_visibility);
   }

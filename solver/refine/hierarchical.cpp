@@ -54,7 +54,7 @@ Decision HierarchicalOracle::Judge(const Hierarchy& hierarchy, const Link& link)
   if (there < f_max_ && back < f_max_) {
     return Decision::kKeep;
   }
-  return receiver_area >= shooter_area ? Decision::kDivideReceiver : Decision::kDivideShooter;
+  return IsAtLeast(receiver_area, shooter_area) ? Decision::kDivideReceiver : Decision::kDivideShooter;
 }
 
 }  // namespace radbake

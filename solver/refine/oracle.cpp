@@ -11,4 +11,9 @@ bool IsDivisible(const Hierarchy& hierarchy, Index node, double largest_area) {
   return IsCluster(node) || (IsElement(node) && ComparableArea(hierarchy, node) > largest_area);
 }
 
+bool IsAtLeast(double a, double b) {
+  constexpr double kRounding = 1e-4;
+  return a >= (1 - kRounding) * b;
+}
+
 }  // namespace radbake

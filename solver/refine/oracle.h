@@ -12,6 +12,10 @@ double ComparableArea(const Hierarchy& hierarchy, Index node);
 /// Is it a cluster, or an element of more than this area?
 bool IsDivisible(const Hierarchy& hierarchy, Index node, double largest_area);
 
+/// Is area `a` at least `b`? Equal ones are, however the positions of a file are rounded: one scene is linked
+/// alike wherever it stands.
+bool IsAtLeast(double a, double b);
+
 /// Judges a link that exists or would exist. Called from several threads at once.
 class Oracle {
  public:

@@ -16,7 +16,7 @@ struct Eigen::internal::traits<radbake::ScaledSystem> : Eigen::internal::traits<
 namespace radbake {
 
 /// I − ρK as Eigen's solvers take a matrix: on vectors of all leaves' channels, in which the Euclidean norm
-/// is that by area, and each channel is measured by its own light.
+/// is that by area, and each patch and channel is measured by its own light.
 class ScaledSystem : public Eigen::EigenBase<ScaledSystem> {
  public:
   // The names are Eigen's.
@@ -29,10 +29,13 @@ class ScaledSystem : public Eigen::EigenBase<ScaledSystem> {
   Eigen::Index cols() const { return rows(); }
   // NOLINTEND(readability-identifier-naming)
 
-  ScaledSystem(const RadiosityOperator& radiosity_operator, const Rgb& channels)
+  ScaledSystem(const RadiosityOperator& radiosity_operator, const LeafValues& measures)
       : operator_(radiosity_operator), scale_(3, radiosity_operator.size()) {
+    const Rgb brightest = measures.rowwise().maxCoeff();
+    const Rgb unreached = (brightest > 0).select(1 / brightest, 1);
     for (Eigen::Index k = 0; k < operator_.size(); ++k) {
-      scale_.col(k) = std::sqrt(operator_.areas()[k]) * (channels > 0).select(1 / channels, 1);
+      const Rgb measure = measures.col(k);
+      scale_.col(k) = std::sqrt(operator_.areas()[k]) * (measure > 0).select(1 / measure, unreached);
     }
   }
 
@@ -65,19 +68,14 @@ constexpr std::size_t kMaxApplications = 100'000;
 /// Vectors that GMRES keeps.
 constexpr Eigen::Index kRestart = 16;
 
-/// ‖values‖ / ‖of‖ of the worst channel that has any light.
-double Relative(const Rgb& values, const Rgb& of) {
-  return (of > 0).select(values / of, 0.0).maxCoeff();
-}
-
 LeafValues Reflected(const RadiosityOperator& radiosity_operator, const LeafValues& irradiance) {
   return radiosity_operator.emission() + radiosity_operator.reflectance() * irradiance;
 }
 
 /// The solution d of (I − ρK)·d = residual.
 LeafValues Correction(const RadiosityOperator& radiosity_operator, const LeafValues& residual,
-                      const Rgb& channels, double tolerance, std::size_t& applications) {
-  const ScaledSystem system(radiosity_operator, channels);
+                      const LeafValues& measures, double tolerance, std::size_t& applications) {
+  const ScaledSystem system(radiosity_operator, measures);
   Eigen::GMRES<ScaledSystem, Eigen::IdentityPreconditioner> gmres(system);
   const Eigen::Index restart = std::min(kRestart, system.rows() - 1);
   gmres.set_restart(restart);
@@ -100,15 +98,15 @@ Convergence IterateByKrylov(const RadiosityOperator& radiosity_operator, const I
     ++convergence.applications;
     const LeafValues swept = Reflected(radiosity_operator, irradiance);
     const LeafValues residual = swept - radiosity;
-    const Rgb channels = radiosity_operator.Norm(swept);
-    convergence.residual = Relative(radiosity_operator.Norm(residual), channels);
+    const LeafValues measures = radiosity_operator.PatchMeans(swept);
+    convergence.residual = radiosity_operator.RelativeRms(residual, measures).maxCoeff();
     if (convergence.residual <= enough || convergence.applications >= kMaxApplications ||
         (options.stop && options.stop(convergence))) {
       radiosity_operator.Store(irradiance, light);
       return convergence;
     }
     // √3: what GMRES sees is all channels' residual.
-    radiosity += Correction(radiosity_operator, residual, channels,
+    radiosity += Correction(radiosity_operator, residual, measures,
                             enough / (std::sqrt(3.0) * convergence.residual), convergence.applications);
   }
 }
@@ -123,7 +121,7 @@ Convergence IterateBySweeps(const RadiosityOperator& radiosity_operator, const I
     ++convergence.applications;
     LeafValues swept = Reflected(radiosity_operator, irradiance);
     convergence.residual =
-        Relative(radiosity_operator.Norm(swept - radiosity), radiosity_operator.Norm(swept));
+        radiosity_operator.RelativeRms(swept - radiosity, radiosity_operator.PatchMeans(swept)).maxCoeff();
     const double ratio = previous > 0 ? convergence.residual / previous : 1;
     previous = convergence.residual;
     // The first sweeps spread light that the later ones only damp: their ratio says nothing yet.

@@ -9,7 +9,7 @@ namespace radbake {
 
 struct Convergence {
   std::size_t applications = 0;  ///< of the operator
-  double residual = 0;  ///< ‖π·L_e + ρ·E − B‖ / ‖B‖ of the B that was last applied, of the worst channel
+  double residual = 0;           ///< of the B that was last applied: see Iteration
 };
 
 struct IterationOptions {
@@ -19,9 +19,10 @@ struct IterationOptions {
 };
 
 /// Begins with the radiosity that `light` holds, and leaves the solution in it. Restarted GMRES (Saad and
-/// Schultz 1986) for the correction of B, in the norm by area with each channel scaled to 1, all three as one
-/// system. Since ‖K‖ ≤ 1, a residual below (1 − ρ_max)·tolerance ends it; where that is only an estimate, it
-/// is the true residual that is compared, from one application more than the method itself needs.
+/// Schultz 1986) for the correction of B, in the norm by area with each patch's channels scaled to 1, all
+/// three as one system. Since ‖K‖ ≤ 1, a residual below (1 − ρ_max)·tolerance ends it; where that is only an
+/// estimate, it is the true residual that is compared, from one application more than the method itself
+/// needs.
 Convergence IterateByKrylov(const RadiosityOperator& radiosity_operator, const IterationOptions& options,
                             Light& light);
 

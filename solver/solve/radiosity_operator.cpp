@@ -185,12 +185,29 @@ LeafValues RadiosityOperator::Gather(const LeafValues& radiosity) const {
   return Collect(Surfaces(radiosity));
 }
 
-Rgb RadiosityOperator::Norm(const LeafValues& values) const {
-  Rgb squares = Rgb::Zero();
+LeafValues RadiosityOperator::PatchMeans(const LeafValues& values) const {
+  Eigen::Array3Xd sums = Eigen::Array3Xd::Zero(3, Column(hierarchy_.root_count()));
+  Eigen::ArrayXd areas = Eigen::ArrayXd::Zero(sums.cols());
   for (Eigen::Index k = 0; k < size(); ++k) {
-    squares += areas_[k] * values.col(k).square();
+    sums.col(PatchOf(k)) += areas_[k] * values.col(k).abs();
+    areas[PatchOf(k)] += areas_[k];
   }
-  return squares.sqrt();
+  LeafValues means(3, size());
+  for (Eigen::Index k = 0; k < size(); ++k) {
+    means.col(k) = sums.col(PatchOf(k)) / areas[PatchOf(k)];
+  }
+  return means;
+}
+
+Rgb RadiosityOperator::RelativeRms(const LeafValues& values, const LeafValues& measures) const {
+  Rgb squares = Rgb::Zero();
+  Rgb area = Rgb::Zero();
+  for (Eigen::Index k = 0; k < size(); ++k) {
+    const Rgb measure = measures.col(k);
+    squares += (measure > 0).select(areas_[k] * (values.col(k) / measure).square(), 0.0);
+    area += (measure > 0).select(areas_[k], Rgb::Zero());
+  }
+  return (area > 0).select((squares / area).sqrt(), 0.0);
 }
 
 void RadiosityOperator::Store(const LeafValues& irradiance, Light& light) const {

@@ -33,8 +33,11 @@ class RadiosityOperator {
   /// adds what clusters gathered, pushed down to the patches by their orientation.
   LeafValues Gather(const LeafValues& radiosity) const;
 
-  /// The norm over the leaves by area, of each channel.
-  Rgb Norm(const LeafValues& values) const;
+  /// For each leaf the mean |value| over its patch: what an error there is measured by, so that a dim room
+  /// beside a bright one is solved as exactly.
+  LeafValues PatchMeans(const LeafValues& values) const;
+  /// The RMS by area of values / measures where there is a measure, of each channel.
+  Rgb RelativeRms(const LeafValues& values, const LeafValues& measures) const;
 
   /// Leaves E = `irradiance` and that from the sky and the lights in `light`, and B = π·L_e + ρ·E; both, and
   /// the variation, pulled up. What clusters push down may fall below 0 by their basis' error, and is cut.
@@ -54,6 +57,10 @@ class RadiosityOperator {
   std::vector<RgbCosineSum> CollectOnClusters(const Shooters& shooters) const;
   std::vector<Rgb> PushToPatches(const std::vector<RgbCosineSum>& incident) const;
   LeafValues Collect(const Shooters& shooters) const;
+
+  Index PatchOf(Eigen::Index column) const {
+    return hierarchy_[rows_.leaves()[static_cast<std::size_t>(column)]].patch;
+  }
 
   const Hierarchy& hierarchy_;
   const Links& links_;
