@@ -1,6 +1,6 @@
 #include "server/http_assets.h"
 
-#include <array>
+#include <mutex>
 #include <utility>
 
 #include "page.css.h"
@@ -22,23 +22,34 @@ constexpr const char* kPolicy =
 
 constexpr std::size_t kTagSize = 16;
 
-Asset MakeAsset(std::string type, std::string bytes, bool page = false) {
-  std::string packed = Gzip(bytes);
-  std::string tag = Sha256Hex(bytes).substr(0, kTagSize);
-  return {std::move(type), std::move(bytes), std::move(packed), std::move(tag), page};
-}
-
 std::map<std::string, Asset, std::less<>> MakeAssets() {
   const std::string script = "text/javascript; charset=utf-8";
-  std::map<std::string, Asset, std::less<>> assets;
-  assets.emplace("/", MakeAsset("text/html; charset=utf-8", kPage, true));
-  assets.emplace("/page.css", MakeAsset("text/css; charset=utf-8", kPageStyle));
-  assets.emplace("/page.js", MakeAsset(script, kPageScript));
-  assets.emplace("/openapi.json", MakeAsset("application/json", OpenApi()));
+  std::map<std::string, Asset, std::less<>> assets = {
+      {"/", {"text/html; charset=utf-8", kPage, true}},
+      {"/page.css", {"text/css; charset=utf-8", kPageStyle, false}},
+      {"/page.js", {script, kPageScript, false}},
+      {"/openapi.json", {"application/json", OpenApi(), false}}};
   for (const auto& [path, text] : kThree) {
-    assets.emplace(path, MakeAsset(script, text));
+    assets[path] = {script, text, false};
   }
   return assets;
+}
+
+struct Packed {
+  std::string tag;  // unquoted, of the bytes
+  std::string bytes;
+};
+
+// Each is packed when it is first asked for: most processes that serve never are.
+const Packed& Pack(const Asset& asset) {
+  static std::mutex mutex;
+  static std::map<const Asset*, Packed> packed;
+  const std::lock_guard lock(mutex);
+  const auto [found, is_new] = packed.try_emplace(&asset);
+  if (is_new) {
+    found->second = {Sha256Hex(asset.bytes).substr(0, kTagSize), Gzip(asset.bytes)};
+  }
+  return found->second;
 }
 
 }  // namespace
@@ -50,7 +61,8 @@ const std::map<std::string, Asset, std::less<>>& Assets() {
 
 void SendAsset(const httplib::Request& request, httplib::Response& response, const Asset& asset) {
   const bool gzip = TakesGzip(Header(request, "Accept-Encoding"));
-  const std::string tag = "\"" + asset.tag + (gzip ? ".gzip" : "") + "\"";
+  const Packed& packed = Pack(asset);
+  const std::string tag = "\"" + packed.tag + (gzip ? ".gzip" : "") + "\"";
   response.set_header("ETag", tag);
   response.headers.erase("Cache-Control");
   response.set_header("Cache-Control", "no-cache");
@@ -67,7 +79,7 @@ void SendAsset(const httplib::Request& request, httplib::Response& response, con
   if (gzip) {
     response.set_header("Content-Encoding", "gzip");
   }
-  response.set_content(gzip ? asset.packed : asset.bytes, asset.type);
+  response.set_content(gzip ? packed.bytes : asset.bytes, asset.type);
 }
 
 }  // namespace radbake::server

@@ -12,12 +12,10 @@ namespace radbake::server {
 struct Asset {
   std::string type;
   std::string bytes;
-  std::string packed;  ///< the same, gzipped
-  std::string tag;     ///< unquoted, of the bytes
-  bool page = false;   ///< a document, which says what it may load
+  bool page = false;  ///< a document, which says what it may load
 };
 
-/// By path; packed at the first call.
+/// By path.
 const std::map<std::string, Asset, std::less<>>& Assets();
 
 /// Answers a GET or HEAD of it: 200 or 304.
