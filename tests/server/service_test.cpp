@@ -15,6 +15,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
+#include <mutex>
 #include <sstream>
 #include <stdexcept>
 #include <system_error>
@@ -161,6 +162,8 @@ void Record(const std::string& request, const Answer& answer) {
                                  {"status", answer.status},
                                  {"headers", answer.headers},
                                  {"body", answer.body}};
+  static std::mutex mutex;  // some tests have many clients
+  const std::lock_guard lock(mutex);
   std::filesystem::create_directories(folder);
   std::ofstream(std::filesystem::path(folder) / (std::to_string(::getpid()) + ".jsonl"), std::ios::app)
       << record.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
