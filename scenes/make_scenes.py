@@ -229,6 +229,17 @@ def furnace_box():
     return gltf
 
 
+def tube():
+    """A square tube of 200 × 1 × 1 m, lit by its end at x = 0."""
+    faces = flipped(box((0, 0, 0), (200, 1, 1)))
+    end = [face for face in faces if all(x == 0 for x, _, _ in face)]
+    assert is_closed(faces) and len(end) == 1 and math.isclose(area(faces), 802)
+    gltf = Gltf()
+    gltf.mesh("tube", [(gltf.material("wall", (0.5, 0.5, 0.5)), [face for face in faces if face not in end]),
+                       (gltf.material("end", (0.5, 0.5, 0.5), (100, 100, 100)), end)])
+    return gltf
+
+
 def furnace_sphere():
     """An icosahedron whose faces are divided in four, twice."""
 
@@ -392,7 +403,7 @@ def window_room():
 
 
 SCENES = (cornell_box, furnace_box, furnace_sphere, plates_parallel, plates_perpendicular, plates_occluded, two_rooms,
-          three_lights, window_room)
+          three_lights, window_room, tube)
 
 
 def main():

@@ -81,7 +81,7 @@ TEST(Accuracy, RisesEachTimeThatTheErrorIsHalved) {
 
 TEST(Accuracy, OfTheOtherScenesIsTwoPercentToo) {
   for (const char* name : {"furnace-box.glb", "furnace-sphere.glb", "plates-parallel.glb",
-                           "plates-perpendicular.glb", "plates-occluded.glb", "three-lights.glb"}) {
+                           "plates-perpendicular.glb", "plates-occluded.glb", "three-lights.glb", "tube.glb"}) {
     const Statistics statistics = Bake(Ours(name), Asking(0.02, 1024)).statistics;
     ASSERT_TRUE(statistics.measured.has_value());
     EXPECT_LE(statistics.measured->error, 0.02) << name;

@@ -176,23 +176,9 @@ BakedScene Emit(const Hierarchy& hierarchy, const OutputMesh& mesh, std::size_t 
       builder->Add(hierarchy, e, mesh.loops()[loop_of[e]], corners);
       return;
     }
-    const auto& c = corners;
-    const Weights m01 = Midway(c[0], c[1]);
-    const Weights m12 = Midway(c[1], c[2]);
-    if (element.CornerCount() == 3) {
-      const Weights m20 = Midway(c[2], c[0]);
-      self(self, element.first_child, {c[0], m01, m20, {}});
-      self(self, element.first_child + 1, {m01, c[1], m12, {}});
-      self(self, element.first_child + 2, {m20, m12, c[2], {}});
-      self(self, element.first_child + 3, {m12, m20, m01, {}});
-    } else {
-      const Weights m23 = Midway(c[2], c[3]);
-      const Weights m30 = Midway(c[3], c[0]);
-      const Weights middle = Midway(m01, m23);
-      self(self, element.first_child, {c[0], m01, middle, m30});
-      self(self, element.first_child + 1, {m01, c[1], m12, middle});
-      self(self, element.first_child + 2, {middle, m12, c[2], m23});
-      self(self, element.first_child + 3, {m30, middle, m23, c[3]});
+    const auto children = CornersOfChildren(hierarchy.DivisionOf(e), corners, Midway, Weights{});
+    for (Index k = 0; k < 4; ++k) {
+      self(self, element.first_child + k, children[k]);
     }
   };
   const std::array<Weights, 4> unit = {Weights{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};

@@ -116,7 +116,7 @@ void OutputMesh::GrowWithHierarchy() {
 void OutputMesh::Divide(Index element) {
   const Index first = hierarchy_.Divide(element);
   GrowWithHierarchy();
-  if (hierarchy_[element].CornerCount() == 4 && IsGathered(centre_[element])) {
+  if (hierarchy_.DivisionOf(element) == Division::kSquare && IsGathered(centre_[element])) {
     irradiance_[hierarchy_[first].corner[2]] = centre_[element];
     sealed_[hierarchy_[first].corner[2]] = sealed_centre_[element];
     ++gathered_;

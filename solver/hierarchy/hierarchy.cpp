@@ -170,30 +170,31 @@ Index Hierarchy::AddChild(Index parent, const std::array<Index, 4>& corner) {
   return index;
 }
 
+Division Hierarchy::DivisionOf(Index element) const {
+  if (elements_[element].CornerCount() == 3) {
+    return Division::kTriangle;
+  }
+  const Polygon shape = Shape(element);
+  const double along_01 = (shape[1] - shape[0]).norm() + (shape[2] - shape[3]).norm();
+  const double along_12 = (shape[2] - shape[1]).norm() + (shape[3] - shape[0]).norm();
+  // From twice as long on, four in a row are no longer than the parent's quarters; and no round number, or
+  // rounding would decide.
+  constexpr double kLong = 2.6;
+  return along_01 > kLong * along_12   ? Division::kAlong01
+         : along_12 > kLong * along_01 ? Division::kAlong12
+                                       : Division::kSquare;
+}
+
 Index Hierarchy::Divide(Index element) {
   if (!elements_[element].IsLeaf()) {
     return elements_[element].first_child;
   }
   const auto first = static_cast<Index>(elements_.size());
-  const std::array<Index, 4> c = elements_[element].corner;
-  if (elements_[element].CornerCount() == 3) {
-    const Index m01 = MidVertex(c[0], c[1]);
-    const Index m12 = MidVertex(c[1], c[2]);
-    const Index m20 = MidVertex(c[2], c[0]);
-    AddChild(element, {c[0], m01, m20, kNone});
-    AddChild(element, {m01, c[1], m12, kNone});
-    AddChild(element, {m20, m12, c[2], kNone});
-    AddChild(element, {m12, m20, m01, kNone});
-  } else {
-    const Index m01 = MidVertex(c[0], c[1]);
-    const Index m12 = MidVertex(c[1], c[2]);
-    const Index m23 = MidVertex(c[2], c[3]);
-    const Index m30 = MidVertex(c[3], c[0]);
-    const Index middle = AddVertex(AddPosition(0.5 * (Point(m01) + Point(m23))));
-    AddChild(element, {c[0], m01, middle, m30});
-    AddChild(element, {m01, c[1], m12, middle});
-    AddChild(element, {middle, m12, c[2], m23});
-    AddChild(element, {m30, middle, m23, c[3]});
+  const auto children = CornersOfChildren(
+      DivisionOf(element), elements_[element].corner, [this](Index a, Index b) { return MidVertex(a, b); },
+      kNone);
+  for (const std::array<Index, 4>& corner : children) {
+    AddChild(element, corner);
   }
   elements_[element].first_child = first;
   return first;

@@ -7,13 +7,13 @@
 #include <vector>
 
 #include "solver/hierarchy/clusters.h"
+#include "solver/hierarchy/division.h"
 #include "solver/scene/patches.h"
 #include "solver/scene/polygon.h"
 
 namespace radbake {
 
-/// A node of a patch's quadtree. A triangle divides at its edges' midpoints into three corner children (child
-/// k holds corner k) and the middle one; a quadrilateral bilinearly into four, child k holding corner k.
+/// A node of a patch's quadtree; see Division for its children.
 struct Element {
   std::array<Index, 4> corner{kNone, kNone, kNone, kNone};  ///< vertices; corner[3] is kNone for a triangle
   Index patch = 0;
@@ -54,6 +54,8 @@ class Hierarchy {
   Vec3 Centre(Index node) const;
   double Radius(Index node) const;
 
+  /// How an element divides, or has: long quadrilaterals into shorter ones.
+  Division DivisionOf(Index element) const;
   /// Divides a leaf into its four children and returns the first. No effect on one that is divided already.
   Index Divide(Index element);
 

@@ -30,7 +30,13 @@ double EstimateFormFactor(const Hierarchy& hierarchy, Index from, Index to) {
 
 double EstimateFormFactor(const Polygon& from, const Polygon& to, double to_area) {
   const Vec3 centre = from.Centroid();
-  const double d2 = (to.Centroid() - centre).squaredNorm();
+  const Vec3 middle = to.Centroid();
+  double radius2 = 0;
+  for (int k = 0; k < to.count; ++k) {
+    radius2 = std::max(radius2, (to[k] - middle).squaredNorm());
+  }
+  const bool is_long = radius2 > to_area;
+  const double d2 = ((is_long ? NearestPoint(to, centre) : middle) - centre).squaredNorm();
   return LargestCosine(centre, from.normal, to) * to_area / (std::numbers::pi * d2 + to_area);
 }
 

@@ -20,9 +20,9 @@ class HierarchicalOracle : public Oracle {
 };
 
 /// The oracle's cheap estimate of the form factor from a point of `from` to `to`, full visibility assumed:
-/// the disc of `to`'s area at the distance of the centres, cosines taken at the better end of each element's
-/// extent, so that it bounds the form factor of the pair from above but for a small factor (section 3.2;
-/// Wallace 1989, eq. 5):
+/// the disc of `to`'s area at the distance of the centres (of the nearest point, if `to` is long), cosines
+/// taken at the better end of each element's extent, so that it bounds the form factor of the pair from above
+/// but for a small factor (section 3.2; Wallace 1989, eq. 5):
 ///   F ≈ cos θ · A / (π·d² + A)
 double EstimateFormFactor(const Polygon& from, const Polygon& to, double to_area);
 

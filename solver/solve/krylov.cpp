@@ -64,7 +64,7 @@ class ScaledSystem : public Eigen::EigenBase<ScaledSystem> {
 
 namespace {
 
-constexpr std::size_t kMaxApplications = 100'000;
+constexpr std::size_t kMaxApplications = 1000;
 /// Vectors that GMRES keeps.
 constexpr Eigen::Index kRestart = 16;
 
@@ -98,7 +98,7 @@ Convergence IterateByKrylov(const RadiosityOperator& radiosity_operator, const I
     ++convergence.applications;
     const LeafValues swept = Reflected(radiosity_operator, irradiance);
     const LeafValues residual = swept - radiosity;
-    const LeafValues measures = radiosity_operator.PatchMeans(swept);
+    const LeafValues measures = radiosity_operator.LocalMeans(swept);
     convergence.residual = radiosity_operator.RelativeRms(residual, measures).maxCoeff();
     if (convergence.residual <= enough || convergence.applications >= kMaxApplications ||
         (options.stop && options.stop(convergence))) {
@@ -121,7 +121,7 @@ Convergence IterateBySweeps(const RadiosityOperator& radiosity_operator, const I
     ++convergence.applications;
     LeafValues swept = Reflected(radiosity_operator, irradiance);
     convergence.residual =
-        radiosity_operator.RelativeRms(swept - radiosity, radiosity_operator.PatchMeans(swept)).maxCoeff();
+        radiosity_operator.RelativeRms(swept - radiosity, radiosity_operator.LocalMeans(swept)).maxCoeff();
     const double ratio = previous > 0 ? convergence.residual / previous : 1;
     previous = convergence.residual;
     // The first sweeps spread light that the later ones only damp: their ratio says nothing yet.

@@ -185,16 +185,24 @@ LeafValues RadiosityOperator::Gather(const LeafValues& radiosity) const {
   return Collect(Surfaces(radiosity));
 }
 
-LeafValues RadiosityOperator::PatchMeans(const LeafValues& values) const {
+LeafValues RadiosityOperator::LocalMeans(const LeafValues& values) const {
   Eigen::Array3Xd sums = Eigen::Array3Xd::Zero(3, Column(hierarchy_.root_count()));
-  Eigen::ArrayXd areas = Eigen::ArrayXd::Zero(sums.cols());
   for (Eigen::Index k = 0; k < size(); ++k) {
     sums.col(PatchOf(k)) += areas_[k] * values.col(k).abs();
-    areas[PatchOf(k)] += areas_[k];
+  }
+  const Clusters& clusters = hierarchy_.clusters();
+  Eigen::Array3Xd of_clusters = Eigen::Array3Xd::Zero(3, Column(clusters.size()));
+  for (Index c = 0; c < clusters.size(); ++c) {
+    for (const Index patch : clusters.PatchesBelow(c)) {
+      of_clusters.col(c) += sums.col(patch);
+    }
+    of_clusters.col(c) /= clusters[c].area;
   }
   LeafValues means(3, size());
   for (Eigen::Index k = 0; k < size(); ++k) {
-    means.col(k) = sums.col(PatchOf(k)) / areas[PatchOf(k)];
+    const Index patch = PatchOf(k);
+    means.col(k) = clusters.empty() ? Rgb(sums.col(patch) / hierarchy_[patch].area)
+                                    : Rgb(of_clusters.col(clusters.Above(patch)));
   }
   return means;
 }

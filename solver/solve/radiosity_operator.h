@@ -33,9 +33,10 @@ class RadiosityOperator {
   /// adds what clusters gathered, pushed down to the patches by their orientation.
   LeafValues Gather(const LeafValues& radiosity) const;
 
-  /// For each leaf the mean |value| over its patch: what an error there is measured by, so that a dim room
-  /// beside a bright one is solved as exactly.
-  LeafValues PatchMeans(const LeafValues& values) const;
+  /// For each leaf the mean |value| over its patch, or over the cluster that the patch hangs below: what an
+  /// error there is measured by, so that a dim room beside a bright one is solved as exactly. (What clusters
+  /// push down to a single patch may be no more than their basis' error.)
+  LeafValues LocalMeans(const LeafValues& values) const;
   /// The RMS by area of values / measures where there is a measure, of each channel.
   Rgb RelativeRms(const LeafValues& values, const LeafValues& measures) const;
 

@@ -12,8 +12,7 @@ namespace radbake {
 struct Iteration {
   std::size_t pass = 0;
   std::size_t sweeps = 0;  ///< operator applications of this pass
-  double residual =
-      0;  ///< after them: RMS by area of (πL_e + ρ·K·B − B) / mean B of the patch, worst channel
+  double residual = 0;     ///< after them: RMS by area of (πL_e + ρ·K·B − B) / mean B around, worst channel
   std::size_t elements = 0;
   std::size_t links = 0;
   std::size_t factors = 0;  ///< form factors computed so far
