@@ -5,7 +5,8 @@
 
 namespace radbake::server {
 
-/// server/openapi.json with this program's version, and with the parameters as their own table describes them.
+/// server/openapi.json with this program's version, and with the parameters as their own table describes
+/// them.
 std::string OpenApi();
 
 }  // namespace radbake::server

@@ -1,10 +1,9 @@
 // Pages of other origins.
-#include "server/http.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "server/digest.h"
+#include "server/http.h"
 #include "tests/server/service_test.h"
 
 namespace radbake::server {
