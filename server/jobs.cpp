@@ -1,6 +1,7 @@
 #include "server/jobs.h"
 
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -87,7 +88,9 @@ Jobs::Jobs(const std::filesystem::path& data, const Options& options)
     RemoveDrafts();
   }
   if (role_ != Role::kApi) {
-    workers_.emplace(*queue_, metrics_, options.workers, data / "work", WorkerName(data));
+    Workers::Options workers = options.workers;
+    workers.least_free = least_free_;
+    workers_.emplace(*queue_, metrics_, std::move(workers), data / "work", WorkerName(data));
   }
   SyncFolder(data);
   forgetter_ = std::thread([this] { Forget(); });
@@ -190,6 +193,9 @@ std::string Jobs::Trouble() {
     queue_->Count();
   } catch (const QueueError&) {
     return "the database cannot be read";
+  }
+  if (::access(folder_.c_str(), W_OK) != 0) {
+    return "the data folder cannot be written to";
   }
   std::error_code error;
   const std::filesystem::space_info space = std::filesystem::space(folder_, error);

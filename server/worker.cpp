@@ -222,7 +222,7 @@ std::shared_ptr<Workers::Running> Workers::Claim(Job& job) {
     if (recovered_) {
       lock.unlock();
       try {
-        claimed = queue_.Claim(name_);
+        claimed = HasRoom() ? queue_.Claim(name_) : std::nullopt;
       } catch (const std::exception& error) {
         Trouble(error.what());
       }
@@ -239,6 +239,12 @@ std::shared_ptr<Workers::Running> Workers::Claim(Job& job) {
     changed_.wait(lock, [&] { return stopping_ || news_ != seen; });
   }
   return nullptr;
+}
+
+bool Workers::HasRoom() const {
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(folder_, error);
+  return !error && space.available >= options_.least_free;
 }
 
 void Workers::Bake(const Job& job, Running& running) {
@@ -281,6 +287,7 @@ void Workers::Settle(const Job& job, Running& running, const ChildEnd& end,
   const std::filesystem::path results = folder / "attempt";
   Live live = Find(job.id).value_or(Live());
   spdlog::info("the bake {}", HowItEnded(end));
+  const bool room = HasRoom();
   const auto fail = [&](Problem problem) {
     problem.log = end.log;
     queue_.Finish(running.attempt, {Status::kFailed, live, std::move(problem)}, results);
@@ -293,7 +300,7 @@ void Workers::Settle(const Job& job, Running& running, const ChildEnd& end,
       fail(BadScene(Reason(end)));
     } else if (const std::string limit = LimitHit(end, options_.limits); !limit.empty()) {
       fail(BeyondLimit(limit));
-    } else if (running.stop.raised()) {
+    } else if (running.stop.raised() || !room) {
       queue_.Release(running.attempt);
     } else {
       const std::string how = end.exit_code == kBaked ? "left no result" : HowItEnded(end);

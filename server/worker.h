@@ -45,6 +45,9 @@ class Workers {
     std::chrono::milliseconds lease = std::chrono::seconds(15);
     /// Between two signs of life, and between two looks for what others have changed.
     std::chrono::milliseconds beat = std::chrono::seconds(1);
+    /// Bytes of the disk: while it has fewer left nothing is claimed, and a bake that fails is no fault of
+    /// the job's.
+    std::uint64_t least_free = 0;
   };
 
   /// Starts the threads. `name` names these workers in the queue: what workers of the same name held there is
@@ -87,6 +90,7 @@ class Workers {
   void Look(LeaseWatch& watch, bool beat);
   void Drop(Running& running);
   void Wake();
+  bool HasRoom() const;
   void Trouble(const std::string& what);
 
   Queue& queue_;

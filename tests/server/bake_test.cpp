@@ -122,6 +122,27 @@ TEST_F(BakeTest, FailsWhenTheChildSaysDoneAndLeavesNothing) {
   EXPECT_THAT(failed.at("error").at("detail").get<std::string>(), HasSubstr("left no result"));
 }
 
+TEST_F(BakeTest, TakesForAResultOnlyFilesOfTheChildsOwn) {
+  const Service service = Start(R"(
+    echo run >> $test/runs
+    if [ $(wc -l < $test/runs) -eq 1 ]; then mkfifo attempt/baked.glb; else ln -s $test/runs attempt/baked.glb; fi
+    printf '{"version":"0"}' > attempt/statistics.json)");
+  const nlohmann::json failed = service.client().WaitFor(service.client().PostScene(), "failed");
+  EXPECT_EQ(Runs(), 3);
+  EXPECT_THAT(failed.at("error").at("detail").get<std::string>(), HasSubstr("left no result"));
+}
+
+TEST_F(BakeTest, ShowsTheEndOfTheLogOfAJobThatFailed) {
+  const Service service = Start(R"(
+    i=0; while [ $i -lt 1000 ]; do echo line $i >&2; i=$((i + 1)); done; kill -KILL $$)");
+  const nlohmann::json failed = service.client().WaitFor(service.client().PostScene(), "failed");
+  const std::string log = failed.at("error").at("log").get<std::string>();
+  EXPECT_THAT(log, testing::StartsWith("line "));
+  EXPECT_THAT(log, testing::EndsWith("line 998\nline 999\n"));
+  EXPECT_GT(log.size(), 3000U);
+  EXPECT_LE(log.size(), 4000U);
+}
+
 TEST_F(BakeTest, RunsAsManyAtATimeAsThereAreWorkers) {
   const Service service =
       Start("touch $test/$$.run; while [ ! -e $test/go ]; do sleep 0.02; done" + kBakes, 2);
