@@ -28,9 +28,10 @@ constexpr double kSolved = 0.4;
 constexpr double kGathered = 0.85;
 constexpr double kExported = 0.9;
 
-// Shares of a time budget after which solving, and dividing the output, stop.
+// Shares of a time budget after which the first solve, dividing the output, and its check stop.
 constexpr double kSolveShare = 0.4;
 constexpr double kGatherShare = 0.75;
+constexpr double kGatherShareUnchecked = 0.92;
 constexpr double kCheckShare = 0.95;
 
 std::size_t PeakBytes() {
@@ -131,6 +132,139 @@ GatherOptions GatherOptionsOf(const Parameters& parameters) {
   return options;
 }
 
+/// Adds up where time goes, by phase.
+class Phases {
+ public:
+  Phases(Watch& watch, Statistics& statistics) : watch_(watch), statistics_(statistics) {}
+
+  /// What was done since the last end.
+  void End(const char* name) { Sum(statistics_.seconds, name) += watch_.Lap(); }
+
+  void EndOfRays(const char* name, double ray_seconds) {
+    End(name);
+    const double before = std::exchange(processor_seconds_, ProcessorSeconds());
+    const double rays_before = std::exchange(statistics_.ray_seconds, ray_seconds);
+    Sum(processor_, name) += processor_seconds_ - before;
+    Sum(rays_, name) += ray_seconds - rays_before;
+  }
+
+  void Finish() {
+    double all = 0;
+    double all_rays = 0;
+    for (const auto& [name, spent] : processor_) {
+      statistics_.ray_shares.emplace_back(name, spent > 0 ? Sum(rays_, name) / spent : 0);
+      all += spent;
+      all_rays += Sum(rays_, name);
+    }
+    statistics_.ray_shares.emplace_back("all", all > 0 ? all_rays / all : 0);
+  }
+
+ private:
+  using Sums = std::vector<std::pair<std::string, double>>;
+  static double& Sum(Sums& sums, const std::string& name) {
+    const auto found = std::ranges::find(sums, name, &Sums::value_type::first);
+    return found != sums.end() ? found->second : sums.emplace_back(name, 0.0).second;
+  }
+
+  Watch& watch_;
+  Statistics& statistics_;
+  double processor_seconds_ = ProcessorSeconds();
+  Sums processor_;
+  Sums rays_;
+};
+
+/// What asking for one error gives.
+struct Baking {
+  Solution solution;
+  EnergyBalance energy;
+  BakedScene output;
+  double estimated_error = 0;
+  MeshEnd end = MeshEnd::kError;
+
+  bool stopped() const { return solution.stopped || end == MeshEnd::kStopped; }
+};
+
+/// Solves and gathers. What would not be done within these shares of the time budget stops, and is as good as
+/// the time was.
+Baking BakeTo(double error, double solve_share, double gather_share, const Parameters& parameters,
+              const Scene& scene, const Patches& patches, const Visibility& visibility, Watch& watch,
+              Phases& phases) {
+  Parameters asked = parameters;
+  asked.error = error;
+  const double part = parameters.error / error;
+  Baking baking;
+  Hierarchy hierarchy(patches, WantsClusters(asked, patches.surface_patches));
+  SolveOptions solve_options = OptionsOf(asked);
+  solve_options.stop = [&](const Iteration& iteration) {
+    watch.progress().iteration = iteration;
+    // Each pass costs about as much as all before it.
+    watch.Report("solve", kImported + part * (kSolved - kImported) *
+                                          (1 - std::pow(0.7, static_cast<double>(iteration.pass))));
+    return watch.Beyond(solve_share);
+  };
+  baking.solution = Solve(hierarchy, visibility, solve_options);
+  phases.EndOfRays("solve", visibility.Counted().seconds);
+  baking.energy = BalanceEnergy(hierarchy, baking.solution.light, visibility);
+  phases.EndOfRays("energy", visibility.Counted().seconds);
+
+  const Gatherer gatherer(hierarchy, baking.solution.light, baking.solution.links, visibility,
+                          GatherOptionsOf(asked));
+  OutputMesh mesh(hierarchy, gatherer, baking.solution.links);
+  MeshOptions mesh_options = MeshOptionsOf(asked);
+  mesh_options.stop = [&](double mesh_error, std::size_t /*vertices*/) {
+    watch.progress().error = mesh_error;
+    watch.Report("gather", kSolved + part * (kGathered - kSolved) *
+                                         std::clamp(mesh_options.error / mesh_error, 0.0, 1.0));
+    return watch.Beyond(gather_share);
+  };
+  baking.end = mesh.Refine(mesh_options);
+  baking.output = Emit(hierarchy, mesh, scene.surfaces.size(), parameters.exposure);
+  baking.estimated_error = std::hypot(mesh.error(), 0.5 * error);
+  phases.EndOfRays("gather", visibility.Counted().seconds);
+  return baking;
+}
+
+/// The error that is likely to take `seconds`, after one that took `last_seconds`.
+double AffordableError(double last_error, double last_seconds, double seconds) {
+  // Halving the error takes 2 to 4 times as long.
+  constexpr double kExponent = 0.6;
+  return last_error * std::pow(last_seconds / seconds, kExponent);
+}
+
+/// The best that a time budget allows: a coarse baking that is soon done, or cut off, and finer ones as long
+/// as they are likely to be done.
+Baking BakeWithin(double budget, const Parameters& parameters, const Scene& scene, const Patches& patches,
+                  const Visibility& visibility, Watch& watch, Phases& phases) {
+  constexpr double kCoarsest = 0.3;
+  constexpr double kSafe = 0.6;   // of the time that is left, what is planned with
+  constexpr double kWorth = 0.8;  // of the last error, what is worth another baking
+  const double gather_share = parameters.check > 0 ? kGatherShare : kGatherShareUnchecked;
+  double error = std::max(kCoarsest, parameters.error);
+  double begin = watch.Seconds();
+  Baking best =
+      BakeTo(error, kSolveShare, gather_share, parameters, scene, patches, visibility, watch, phases);
+  while (!best.stopped() && best.end == MeshEnd::kError && error > parameters.error) {
+    const double now = watch.Seconds();
+    const double left = gather_share * budget - now;
+    const double next =
+        left > 0 ? std::max(parameters.error, AffordableError(error, now - begin, kSafe * left)) : error;
+    if (next > kWorth * error && next > parameters.error) {
+      best.solution.stopped = true;
+      break;
+    }
+    error = next;
+    begin = now;
+    Baking finer =
+        BakeTo(error, gather_share, gather_share, parameters, scene, patches, visibility, watch, phases);
+    if (finer.stopped()) {
+      best.solution.stopped = true;
+      break;
+    }
+    best = std::move(finer);
+  }
+  return best;
+}
+
 }  // namespace
 
 BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const ProgressCallback& callback,
@@ -139,7 +273,7 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
   BakeResult result;
   Statistics& statistics = result.statistics;
   statistics.parameters = parameters;
-  const auto end_phase = [&](const char* name) { statistics.seconds.emplace_back(name, watch.Lap()); };
+  Phases phases(watch, statistics);
 
   watch.Report("import", 0);
   gltf::Document document(source, limits);
@@ -157,54 +291,23 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
       std::ranges::count_if(std::span(patches.patches).first(patches.surface_patches),
                             [](const Patch& patch) { return patch.emission.maxCoeff() > 0; }));
   statistics.scene.lights += scene.lights.size() + ((scene.environment > 0).any() ? 1U : 0U);
-  end_phase("import");
+  phases.End("import");
 
   watch.Report("solve", kImported);
-  Hierarchy hierarchy(patches, WantsClusters(parameters, patches.surface_patches));
   const Visibility visibility(patches);
-  double processor_seconds = ProcessorSeconds();
-  const double first_processor_seconds = processor_seconds;
-  const auto end_phase_of_rays = [&](const char* name) {
-    end_phase(name);
-    const double before = std::exchange(processor_seconds, ProcessorSeconds());
-    const double rays_before = std::exchange(statistics.ray_seconds, visibility.Counted().seconds);
-    const double spent = processor_seconds - before;
-    statistics.ray_shares.emplace_back(name, spent > 0 ? (statistics.ray_seconds - rays_before) / spent : 0);
-  };
-  SolveOptions solve_options = OptionsOf(parameters);
-  solve_options.stop = [&](const Iteration& iteration) {
-    watch.progress().iteration = iteration;
-    // Each pass costs about as much as all before it.
-    watch.Report("solve",
-                 kSolved - (kSolved - kImported) * std::pow(0.7, static_cast<double>(iteration.pass)));
-    return watch.Beyond(kSolveShare);
-  };
-  Solution solution = Solve(hierarchy, visibility, solve_options);
-  end_phase_of_rays("solve");
-  statistics.energy = BalanceEnergy(hierarchy, solution.light, visibility);
-  end_phase_of_rays("energy");
+  Baking baking =
+      parameters.time_budget
+          ? BakeWithin(*parameters.time_budget, parameters, scene, patches, visibility, watch, phases)
+          : BakeTo(parameters.error, 1, 1, parameters, scene, patches, visibility, watch, phases);
+  const BakedScene& baked = baking.output;
+  phases.Finish();
 
-  watch.Report("gather", kSolved);
-  const Gatherer gatherer(hierarchy, solution.light, solution.links, visibility, GatherOptionsOf(parameters));
-  OutputMesh mesh(hierarchy, gatherer, solution.links);
-  MeshOptions mesh_options = MeshOptionsOf(parameters);
-  mesh_options.stop = [&](double error, std::size_t /*vertices*/) {
-    watch.progress().error = error;
-    watch.Report("gather",
-                 kGathered - (kGathered - kSolved) * std::clamp(1 - mesh_options.error / error, 0.0, 1.0));
-    return watch.Beyond(kGatherShare);
-  };
-  const MeshEnd end = mesh.Refine(mesh_options);
-  const BakedScene baked = Emit(hierarchy, mesh, scene.surfaces.size(), parameters.exposure);
-  end_phase_of_rays("gather");
-  statistics.ray_shares.emplace_back("all",
-                                     statistics.ray_seconds / (processor_seconds - first_processor_seconds));
-
-  statistics.iterations = std::move(solution.iterations);
-  statistics.estimated_error = std::hypot(mesh.error(), 0.5 * parameters.error);
-  statistics.stopped_by = solution.stopped || end == MeshEnd::kStopped ? StoppedBy::kTimeBudget
-                          : end == MeshEnd::kLimit                     ? StoppedBy::kLimit
-                                                                       : StoppedBy::kError;
+  statistics.energy = baking.energy;
+  statistics.iterations = std::move(baking.solution.iterations);
+  statistics.estimated_error = baking.estimated_error;
+  statistics.stopped_by = baking.stopped()                ? StoppedBy::kTimeBudget
+                          : baking.end == MeshEnd::kLimit ? StoppedBy::kLimit
+                                                          : StoppedBy::kError;
   statistics.rays = visibility.Counted().rays;
   for (const BakedSurface& surface : baked.surfaces) {
     for (const BakedMesh* side : {&surface.front, &surface.back}) {
@@ -217,7 +320,7 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
   watch.progress().error = statistics.estimated_error;
   watch.Report("export", kGathered);
   result.glb = document.Export(baked);
-  end_phase("export");
+  phases.End("export");
 
   watch.Report("check", kExported);
   if (parameters.check > 0 && !watch.Beyond(kCheckShare)) {
@@ -228,7 +331,7 @@ BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const 
     if (summary.probes > 0) {
       statistics.measured = summary;
     }
-    end_phase("check");
+    phases.End("check");
   }
   watch.Report("check", 1);
   statistics.peak_bytes = PeakBytes();

@@ -80,8 +80,9 @@ TEST(Accuracy, RisesEachTimeThatTheErrorIsHalved) {
 }
 
 TEST(Accuracy, OfTheOtherScenesIsTwoPercentToo) {
-  for (const char* name : {"furnace-box.glb", "furnace-sphere.glb", "plates-parallel.glb",
-                           "plates-perpendicular.glb", "plates-occluded.glb", "three-lights.glb", "tube.glb"}) {
+  for (const char* name :
+       {"furnace-box.glb", "furnace-sphere.glb", "plates-parallel.glb", "plates-perpendicular.glb",
+        "plates-occluded.glb", "three-lights.glb", "tube.glb"}) {
     const Statistics statistics = Bake(Ours(name), Asking(0.02, 1024)).statistics;
     ASSERT_TRUE(statistics.measured.has_value());
     EXPECT_LE(statistics.measured->error, 0.02) << name;
@@ -144,7 +145,22 @@ TEST(Bake, StopsRefiningWhenTimeIsUp) {
   parameters.time_budget = 0.05;
   const BakeResult result = Bake(Ours("cornell-box.glb"), parameters);
   EXPECT_EQ(result.statistics.stopped_by, StoppedBy::kTimeBudget);
-  EXPECT_GT(result.statistics.output.vertices, 0U);
+  std::size_t lit = 0;
+  const std::vector<Rgb> irradiance = gltf::ReadIrradiance({result.glb, {}}).irradiance;
+  for (const Rgb& e : irradiance) {
+    lit += Luminance(e) > 0 ? 1U : 0U;
+  }
+  EXPECT_GT(2 * lit, irradiance.size()) << "what was not gathered has the solution's light";
+}
+
+TEST(Bake, WithTimeEnoughEndsByItsError) {
+  Parameters parameters = Asking(0.1, 0);
+  parameters.time_budget = 1e5;
+  const Statistics statistics = Bake(Ours("cornell-box.glb"), parameters).statistics;
+  EXPECT_EQ(statistics.stopped_by, StoppedBy::kError);
+  EXPECT_LE(statistics.estimated_error, 0.1);
+  EXPECT_EQ(statistics.output.vertices,
+            Bake(Ours("cornell-box.glb"), Asking(0.1, 0)).statistics.output.vertices);
 }
 
 }  // namespace

@@ -113,6 +113,11 @@ Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale
   return expected + (seen - expected) / chance;
 }
 
+Rgb Gatherer::Solved(Index leaf) const {
+  const double open = light_.open[leaf];
+  return open > 0 ? Rgb(light_.irradiance[leaf] / open) : Rgb::Zero();
+}
+
 Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
   const Vec3& n = hierarchy_.PatchOf(leaf).normal;
   // A dark corner gets as many rays as its own light deserves, within reason.

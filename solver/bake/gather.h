@@ -29,6 +29,9 @@ class Gatherer {
   /// Does no light get to `x` in `leaf`, as under a body that stands there (Visibility::IsSealed)?
   bool IsSealed(const Vec3& x, Index leaf) const;
 
+  /// The solution's own irradiance of `leaf`, normalised, for want of time: a constant, without a ray.
+  Rgb Solved(Index leaf) const;
+
   /// Irradiance, normalised, at `x` inside `leaf` = SolverLeaf(…, x). `x` must not lie on the leaf's outline.
   /// `key` seeds the shadow rays.
   Rgb Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const;

@@ -36,7 +36,7 @@ Vec3 ElementCentre(const Hierarchy& hierarchy, Index element) {
 /// Calls body(k) for all k on all threads, asking `stop` on this one now and then. False if it stopped.
 template <typename Body>
 bool ForEach(std::size_t count, const std::function<bool()>& stop, const Body& body) {
-  constexpr std::size_t kChunk = 256;
+  constexpr std::size_t kChunk = 64;
   constexpr std::size_t kGrain = 8;
   for (std::size_t begin = 0; begin < count; begin += kChunk) {
     if (stop && stop()) {
@@ -169,7 +169,7 @@ void OutputMesh::WalkEdges() {
   GrowWithHierarchy();
 }
 
-bool OutputMesh::GatherVertices(const std::function<bool()>& stop) {
+bool OutputMesh::GatherVertices(const std::function<bool()>& stop, Source source) {
   std::vector<Meeting> meetings;
   for (std::size_t k = 0; k < cut_.size(); ++k) {
     for (const Index vertex : loops_[k]) {
@@ -208,19 +208,19 @@ bool OutputMesh::GatherVertices(const std::function<bool()>& stop) {
       if (std::find(seen.begin(), seen.end(), leaf) != seen.end()) {
         continue;
       }
-      if (gatherer_.IsSealed(x, leaf)) {
+      if (source == Source::kRays && gatherer_.IsSealed(x, leaf)) {
         sealed = true;
         continue;
       }
       seen.push_back(leaf);
-      sum += gatherer_.Irradiance(x, leaf, Hash(vertex));
+      sum += source == Source::kRays ? gatherer_.Irradiance(x, leaf, Hash(vertex)) : gatherer_.Solved(leaf);
     }
     sealed_[vertex] = sealed && seen.empty() ? 1 : 0;
     irradiance_[vertex] = seen.empty() ? sum : sum / static_cast<double>(seen.size());
   });
 }
 
-bool OutputMesh::GatherCentres(const std::function<bool()>& stop) {
+bool OutputMesh::GatherCentres(const std::function<bool()>& stop, Source source) {
   return ForEach(cut_.size(), stop, [&](std::size_t k) {
     const Index e = cut_[k];
     if (IsGathered(centre_[e])) {
@@ -236,6 +236,10 @@ bool OutputMesh::GatherCentres(const std::function<bool()>& stop) {
     const Vec3 centre = ElementCentre(hierarchy_, e);
     const Vec3 x = centre + kOff * (0.6 * (shape[0] - centre) + 0.4 * (shape[1] - centre));
     const Index leaf = gatherer_.SolverLeaf(e, x);
+    if (source == Source::kSolution) {
+      centre_[e] = gatherer_.Solved(leaf);
+      return;
+    }
     sealed_centre_[e] = gatherer_.IsSealed(x, leaf) ? 1 : 0;
     centre_[e] = sealed_centre_[e] != 0 ? Rgb::Zero().eval()
                                         : gatherer_.Irradiance(x, leaf, Hash(~static_cast<std::uint64_t>(e)));
@@ -302,10 +306,13 @@ MeshEnd OutputMesh::Refine(const MeshOptions& options) {
 MeshEnd OutputMesh::DivideWhereItMatters(const MeshOptions& options) {
   const double area = hierarchy_.patches().area;
   const std::function<bool()> stop = [&] { return options.stop && options.stop(error_, gathered_); };
-  // The input's own vertices, whatever it takes: the least that there is to give.
+  // The input's own vertices are the least that there is to give.
   WalkEdges();
-  GatherVertices({});
-  GatherCentres({});
+  if (!GatherVertices(stop) || !GatherCentres(stop)) {
+    GatherVertices({}, Source::kSolution);
+    GatherCentres({}, Source::kSolution);
+    return MeshEnd::kStopped;
+  }
   std::vector<Index> last_cut = cut_;
   std::vector<Loop> last_loops = loops_;
   // Coarse first, so that there is always something even to show when time is short.

@@ -37,8 +37,8 @@ class OutputMesh {
   OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Links& links);
 
   /// Divides the elements whose centre is farthest from what their corners interpolate to, worst first, until
-  /// the estimated error of the whole is below the target. The same on any number of threads.
-  /// Once only.
+  /// the estimated error of the whole is below the target. What is stopped before the input's own vertices
+  /// are gathered takes the rest of them from the solution. The same on any number of threads. Once only.
   MeshEnd Refine(const MeshOptions& options);
 
   /// Estimated relative RMS error of the interpolation.
@@ -56,8 +56,9 @@ class OutputMesh {
   void Divide(Index element);
   void WalkEdges();
   void WalkEdge(Index from, Index to, Loop& loop);
-  bool GatherVertices(const std::function<bool()>& stop);
-  bool GatherCentres(const std::function<bool()>& stop);
+  enum class Source { kRays, kSolution };
+  bool GatherVertices(const std::function<bool()>& stop, Source source = Source::kRays);
+  bool GatherCentres(const std::function<bool()>& stop, Source source = Source::kRays);
   std::vector<double> SquaredErrors();
   void CoverSealed();
   bool IsLit(Index element) const { return lit_[hierarchy_[element].patch]; }

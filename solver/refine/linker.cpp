@@ -195,6 +195,19 @@ void Linker::Replace(const Link& link, Decision decision, std::vector<Link>& nex
   }
 }
 
+bool Linker::MeasureAll(std::span<Link> links, const std::function<bool()>& stop) {
+  constexpr std::size_t kChunk = 2048;
+  for (std::size_t begin = 0; begin < links.size(); begin += kChunk) {
+    if (begin > 0 && stop && stop()) {
+      return false;
+    }
+    const std::span<Link> chunk = links.subspan(begin, std::min(kChunk, links.size() - begin));
+    ParallelFor(chunk.size(), [&](std::size_t k) { Measure(chunk[k]); });
+    measured_ += chunk.size();
+  }
+  return true;
+}
+
 std::size_t Linker::Refine(const Oracle& oracle, const std::function<bool()>& stop) {
   std::vector<Link> kept;
   std::vector<Link> open(links_.all().begin(), links_.all().end());
@@ -206,6 +219,7 @@ std::size_t Linker::Refine(const Oracle& oracle, const std::function<bool()>& st
     }
     std::vector<Decision> decisions(open.size());
     ParallelFor(open.size(), [&](std::size_t k) { decisions[k] = oracle.Judge(hierarchy_, open[k]); });
+    const std::size_t kept_before = kept.size();
     // One thread divides, in the links' order, so that elements are numbered the same on any number of
     // threads.
     std::vector<Link> next;
@@ -218,8 +232,11 @@ std::size_t Linker::Refine(const Oracle& oracle, const std::function<bool()>& st
       ++replaced;
       Replace(link, decisions[k], next);
     }
-    ParallelFor(next.size(), [&](std::size_t k) { Measure(next[k]); });
-    measured_ += next.size();
+    if (!MeasureAll(next, stop)) {
+      kept.resize(kept_before);
+      kept.insert(kept.end(), open.begin(), open.end());
+      break;
+    }
     open.clear();
     AppendLive(open, next);
   }

@@ -20,7 +20,8 @@ class Linker {
   void LinkRoots();
 
   /// Replaces each link that the oracle does not keep by links one level down, until it keeps all. `stop` is
-  /// asked between rounds. Returns the number of links replaced. The same result on any number of threads.
+  /// asked now and then; true leaves the links of the last whole round. Returns the number of links replaced.
+  /// The same result on any number of threads.
   std::size_t Refine(const Oracle& oracle, const std::function<bool()>& stop);
 
   const Links& links() const { return links_; }
@@ -30,6 +31,8 @@ class Linker {
  private:
   /// Form factor and visibility of a link whose ends are set; one that carries nothing has form_factor 0.
   void Measure(Link& link) const;
+  /// All, unless `stop` says true.
+  bool MeasureAll(std::span<Link> links, const std::function<bool()>& stop);
   void MeasureElements(Link& link) const;
   void MeasureNodes(Link& link) const;
   void MeasureVariation(Link& link, const Polygon& receiver, const Polygon& shooter) const;
