@@ -71,7 +71,10 @@ Draft::~Draft() {
 }
 
 Jobs::Jobs(const std::filesystem::path& data, const Options& options)
-    : folder_(data / "jobs"), keep_(options.keep), least_free_(options.least_free), role_(options.role) {
+    : folder_(data / (options.database.empty() ? "jobs" : "drafts")),
+      keep_(options.keep),
+      least_free_(options.least_free),
+      role_(options.role) {
   std::filesystem::create_directories(folder_);
   if (role_ != Role::kWorker) {
     lock_ = LockFolder(data, "lock");

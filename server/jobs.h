@@ -1,10 +1,19 @@
 /// The service without HTTP: the queue, the drafts of new jobs, and the workers, with a folder for what is of
 /// this process alone.
 ///
-///     DIR/lock, DIR/worker.lock   held by the radbaked that takes uploads here, and by the one that bakes
-///     here DIR/worker                  what its workers are called in the queue DIR/jobs/<id>/ the draft of
-///     a job; in SQLite, the job's files as long as there is the job DIR/work/<id>-<attempt>/    a running
-///     bake DIR/jobs.sqlite             the queue, unless it is in PostgreSQL
+///     DIR/lock                    held by the radbaked that takes uploads here
+///     DIR/worker.lock             held by the one that bakes here
+///     DIR/worker                  what its workers are called in the queue
+///     DIR/work/<id>-<attempt>/    a running bake
+///
+/// and where the queue is in SQLite
+///
+///     DIR/jobs.sqlite             the queue
+///     DIR/jobs/<id>/              the files of a job, from its draft on
+///
+/// where it is in PostgreSQL
+///
+///     DIR/drafts/<id>/            the files of a job until it is queued
 #pragma once
 
 #include <chrono>

@@ -167,9 +167,11 @@ class Queue {
   virtual ~Queue() = default;
 
   /// A new job, queued, with the files in `folder`, which it takes over; or the one that its key has made
-  /// before, and then the folder is left as it is. The folder is <data>/jobs/<id>.
+  /// before, and then the folder is left as it is. The folder's name is the job's id; in SQLite it is in
+  /// <data>/jobs.
   virtual Added Add(const NewJob& job, const std::filesystem::path& folder) = 0;
-  /// Whether the folder <data>/jobs/<id> is in use. One that is not was left behind by who died making it.
+  /// Whether the queue has kept the folder of that name. One that it has not was left behind by who died
+  /// making it.
   virtual bool KeepsFolder(const std::string& id) = 0;
 
   /// The next queued job, now running and held by this worker; nothing if there is none. Owners take turns:

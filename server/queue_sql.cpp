@@ -252,11 +252,12 @@ bool SqlQueue::Remove(const std::string& id) {
 }
 
 std::vector<std::string> SqlQueue::Forget(std::chrono::milliseconds ahead) {
-  std::vector<std::string> ids;
   Write("DELETE FROM keys WHERE created <= " + now_ + " + $1 - $2",
         {ToValue(ahead), ToValue(std::chrono::milliseconds(kKeyLife))});
   const SqlResult gone =
       Write("DELETE FROM jobs WHERE expires <= " + now_ + " + $1 RETURNING id", {ToValue(ahead)});
+  std::vector<std::string> ids;
+  ids.reserve(gone.rows.size());
   for (const auto& row : gone.rows) {
     ids.push_back(row.at(0).value_or(""));
   }
@@ -276,6 +277,7 @@ std::vector<Job> SqlQueue::List(const Page& page) {
        page.after.empty() ? std::numeric_limits<std::int64_t>::max() : ParseNumber<std::int64_t>(page.after),
        std::string(page.status ? ToString(*page.status) : ""), static_cast<std::int64_t>(page.limit)});
   std::vector<Job> jobs;
+  jobs.reserve(found.rows.size());
   for (const auto& row : found.rows) {
     jobs.push_back(ReadJob(row));
   }

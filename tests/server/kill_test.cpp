@@ -171,9 +171,9 @@ class KillTest : public testing::TestWithParam<Case> {
     }
     for (const std::filesystem::path& data : data_) {
       EXPECT_TRUE(!std::filesystem::exists(data / "work") || std::filesystem::is_empty(data / "work"));
-      const std::size_t kept = GetParam().postgres ? 0 : jobs;
-      EXPECT_EQ(std::distance(std::filesystem::directory_iterator(data / "jobs"), {}),
-                static_cast<std::ptrdiff_t>(kept));
+      const std::filesystem::path files = data / (GetParam().postgres ? "drafts" : "jobs");
+      EXPECT_EQ(std::distance(std::filesystem::directory_iterator(files), {}),
+                static_cast<std::ptrdiff_t>(GetParam().postgres ? 0 : jobs));
     }
     if (!GetParam().postgres) {
       for (const auto& entry : std::filesystem::directory_iterator(folder_.path() / "data/jobs")) {

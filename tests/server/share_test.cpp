@@ -103,7 +103,7 @@ TEST_F(PostgresShareTest, EachWorkerTakesItsShareAndEachApiAnswersForAll) {
     EXPECT_TRUE(Eventually([&] {
       return (!std::filesystem::exists(folder() / name / "work") ||
               std::filesystem::is_empty(folder() / name / "work")) &&
-             std::filesystem::is_empty(folder() / name / "jobs");
+             std::filesystem::is_empty(folder() / name / "drafts");
     })) << name
         << " keeps no files";
   }
@@ -179,7 +179,7 @@ TEST_F(PostgresShareTest, GoesOnWhenTheDatabaseHasGoneAndComeBack) {
   EXPECT_EQ(client.Post(Glb(), "model/gltf-binary").status, 503);
   EXPECT_EQ(client.Get("/readyz").status, 503);
   EXPECT_EQ(client.Get("/healthz").status, 200);
-  EXPECT_TRUE(Eventually([&] { return std::filesystem::is_empty(folder() / "service/jobs"); }));
+  EXPECT_TRUE(Eventually([&] { return std::filesystem::is_empty(folder() / "service/drafts"); }));
   WriteFile(folder() / "go", "");  // the bake ends while there is nobody to tell
   EXPECT_TRUE(Eventually([&] {
     const std::vector<std::string> files = ListTree(folder() / "service/work");
