@@ -116,7 +116,8 @@ void CheckReferences(const Json& root, std::size_t accessors, std::size_t views)
     const bool accessor = target == Target::kAccessor;
     const std::size_t size = accessor ? accessors : views;
     if (!index.is_number_unsigned() || index.get<std::size_t>() >= size) {
-      Fail(place, std::string(accessor ? "accessor " : "buffer view ") + index.dump() +
+      Fail(place, std::string(accessor ? "accessor " : "buffer view ") +
+                      (index.is_number_unsigned() ? index.dump() : Quoted(index.dump())) +
                       " is not one of the " + std::to_string(size) + " that there are");
     }
   });

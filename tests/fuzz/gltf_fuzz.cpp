@@ -30,6 +30,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   } catch (const InputError& error) {
     const std::string message = error.what();
     fuzz::Demand(!message.empty() && message.find('\n') == std::string::npos, "an error is one line");
+    fuzz::Demand(message.size() < 1000, "an error is short");
   }
   return 0;
 }

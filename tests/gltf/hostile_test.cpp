@@ -94,6 +94,18 @@ TEST(Hostile, AnIndexBeyondTheVerticesIsRefused) {
                 "mesh 0 primitive 0: index 3 is beyond its 3 vertices");
 }
 
+TEST(Hostile, WhatIsShownOfAFileIsShort) {
+  Builder builder = OneTriangle();
+  Primitive(builder)["attributes"]["POSITION"] = Json(std::vector<int>(100'000, 7));
+  try {
+    const Document document(Source{builder.Glb(), {}});
+    ADD_FAILURE() << "taken";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("mesh 0 primitive 0: accessor '[7,7,"));
+    EXPECT_LT(std::string(error.what()).size(), 300U);
+  }
+}
+
 TEST(Hostile, NumbersThatAreNotFiniteAreRefused) {
   for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
     ExpectRefused(
