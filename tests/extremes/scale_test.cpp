@@ -97,16 +97,15 @@ TEST(Extremes, ChannelsOf24DecadesDoNotMix) {
 }
 
 TEST(Extremes, RoomsOf24DecadesInOneSceneAreEachAsExact) {
-  constexpr double kReflectance = 0.9;
+  constexpr double kWalls = 0.9;
   Scene scene;
   const std::array<double, 3> radiance = {1e12, 1, 1e-12};
   for (std::size_t i = 0; i < radiance.size(); ++i) {
     const Vec3 low(2.0 * static_cast<double>(i), 0, 0);
-    testing::AddBox(scene, testing::AddMaterial(scene, kReflectance, radiance[i]), low, low + Vec3::Ones(),
-                    true);
+    testing::AddBox(scene, testing::AddMaterial(scene, kWalls, radiance[i]), low, low + Vec3::Ones(), true);
   }
   const auto expected = [&](std::size_t, const Vec3& position) {
-    return std::numbers::pi * radiance[static_cast<std::size_t>(position.x() / 2)] / (1 - kReflectance);
+    return std::numbers::pi * radiance[static_cast<std::size_t>(position.x() / 2)] / (1 - kWalls);
   };
   for (const Refinement refinement : {Refinement::kHierarchical, Refinement::kAdaptive}) {
     SolveOptions options = testing::CoarseSolve();
