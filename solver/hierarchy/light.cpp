@@ -122,6 +122,11 @@ void Light::PullOpen(const Hierarchy& hierarchy) {
       open[e] = open_area / area;
     }
   }
+  constexpr double kMuch = 0.5;
+  for (Index e = 0; e < hierarchy.size(); ++e) {
+    const Index parent = hierarchy[e].parent;
+    seen_as[e] = parent == kNone || open[e] >= kMuch || open[parent] == 0 ? e : seen_as[parent];
+  }
   const Clusters& clusters = hierarchy.clusters();
   tbb::parallel_for(Index{0}, static_cast<Index>(aperture.size()), [&](Index c) {
     aperture[c].setZero();
@@ -142,6 +147,9 @@ void Light::Extend(const Hierarchy& hierarchy) {
   irradiance.resize(hierarchy.size(), Rgb::Zero());
   variation.resize(hierarchy.size(), 0.0);
   open.resize(hierarchy.size(), 1.0);
+  while (seen_as.size() < hierarchy.size()) {
+    seen_as.push_back(static_cast<Index>(seen_as.size()));
+  }
   const std::size_t clusters = hierarchy.clusters().size();
   cluster_radiosity.resize(clusters);
   cluster_variation.resize(clusters, 0.0);

@@ -46,9 +46,14 @@ struct Light {
   /// element's irradiance falls on its open part alone, and only that shoots.
   std::vector<double> open;
 
+  /// The element whose open part stands for this one's: itself, or where so little is open that its light is
+  /// hardly known, as along the foot of a body, the nearest ancestor of which more is.
+  std::vector<Index> seen_as;
+
   /// Radiosity of the open part: what a receiver that sees the element sees.
   Rgb Shooting(Index element) const {
-    return open[element] > 0 ? Rgb(radiosity[element] / open[element]) : Rgb::Zero();
+    const Index as = seen_as[element];
+    return open[as] > 0 ? Rgb(radiosity[as] / open[as]) : Rgb::Zero();
   }
 
   std::vector<Rgb> punctual;  ///< intensities, by light: see PunctualLight
@@ -63,7 +68,7 @@ struct Light {
 
   /// Fills in everything above the leaves from the leaves' radiosity, irradiance and variation.
   void Pull(const Hierarchy& hierarchy);
-  /// Fills in the open share of everything above the leaves from theirs.
+  /// Fills in the open share of everything above the leaves from theirs, and what follows from it.
   void PullOpen(const Hierarchy& hierarchy);
 
   /// Grows with the hierarchy: what is new starts with its parent's radiosity, a root with its emission;
