@@ -4,95 +4,20 @@
 
 #include <algorithm>
 #include <chrono>
-#include <csignal>
-#include <cstdint>
-#include <fstream>
 #include <system_error>
 #include <utility>
 
 #include "server/log.h"
+#include "server/worker_end.h"
 
 namespace radbake::server {
 namespace {
 
-constexpr int kBaked = 0;
-constexpr int kFailed = 1;
-constexpr int kBadInput = 2;
 constexpr std::chrono::milliseconds kPause{20};
-
-// Without the name of the program that said it.
-std::string Reason(const ChildEnd& end) {
-  constexpr std::string_view kPrefix = "radbake: ";
-  std::string_view text = end.error;
-  if (text.starts_with(kPrefix)) {
-    text.remove_prefix(kPrefix.size());
-  }
-  return std::string(text);
-}
-
-std::string HowItEnded(const ChildEnd& end) {
-  const std::string how = end.signal != 0      ? "was killed by signal " + std::to_string(end.signal)
-                          : end.exit_code >= 0 ? "ended with exit code " + std::to_string(end.exit_code)
-                                               : "left no result";
-  return end.error.empty() ? how : how + ": " + Reason(end);
-}
-
-// The limit that has ended the child, in a sentence; empty: none. Another attempt would end alike.
-std::string LimitHit(const ChildEnd& end, const ChildLimits& limits) {
-  if (end.late) {
-    return "the bake took longer than the " + std::to_string(limits.time.count()) +
-           " seconds that it may take";
-  }
-  if (end.signal == SIGXCPU) {
-    return "the bake took more than the " + std::to_string(limits.cpu_time.count()) +
-           " seconds of processor time that it may take";
-  }
-  if (end.signal == SIGXFSZ) {
-    return "the bake wrote more than the " + std::to_string(limits.file_size) + " bytes that a file may have";
-  }
-  return "";
-}
-
-// Why the child did not end by itself; nothing: it did.
-std::optional<KillReason> Killed(const ChildEnd& end, bool stopped) {
-  if (end.late) {
-    return KillReason::kTime;
-  }
-  if (end.signal == SIGXCPU) {
-    return KillReason::kCpuTime;
-  }
-  if (end.signal == SIGXFSZ) {
-    return KillReason::kFileSize;
-  }
-  if (stopped) {
-    return KillReason::kStopped;
-  }
-  if (end.exit_code == kFailed && Reason(end) == "out of memory") {
-    return KillReason::kMemory;
-  }
-  return end.signal == 0 ? std::nullopt : std::optional(KillReason::kSignal);
-}
-
-// What a finished bake says that it has traced; 0: nothing.
-std::uint64_t Rays(const std::filesystem::path& statistics) {
-  std::ifstream file(statistics, std::ios::binary);
-  const nlohmann::json told = nlohmann::json::parse(file, nullptr, false);
-  const nlohmann::json::json_pointer count("/rays/count");
-  return told.is_object() && told.contains(count) && told.at(count).is_number_unsigned()
-             ? told.at(count).get<std::uint64_t>()
-             : 0;
-}
 
 Problem WorkerLost() {
   return BakeFailed("gave up after " + std::to_string(Queue::kAttempts) +
                     " attempts: the last one's worker was lost");
-}
-
-// As a child has left it, which may be anything.
-bool IsResult(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return std::filesystem::symlink_status(path, ignored).type() == std::filesystem::file_type::regular &&
-         std::filesystem::file_size(path, ignored) > 0;
 }
 
 }  // namespace
