@@ -76,7 +76,12 @@ class Solver {
     while (!solution_.stopped && threshold > options_.w_min) {
       threshold = std::max(options_.w_min, threshold / kThresholdFall);
       ++now_.pass;
-      Refine(AdaptiveOracle(solution_.light, a_min, threshold * AbsorbedPower(hierarchy_, solution_.light)));
+      const double w_min = threshold * AbsorbedPower(hierarchy_, solution_.light);
+      if (options_.oracle) {
+        Refine(*options_.oracle(solution_.light, a_min, w_min));
+      } else {
+        Refine(AdaptiveOracle(solution_.light, a_min, w_min));
+      }
       // The next pass changes more than a fine solution of this one would.
       Iterate(threshold > options_.w_min ? std::max(options_.tolerance, 0.01) : options_.tolerance);
     }

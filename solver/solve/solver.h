@@ -2,10 +2,11 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "solver/hierarchy/light.h"
-#include "solver/refine/links.h"
+#include "solver/refine/oracle.h"
 #include "solver/solve/solution.h"
 #include "solver/transport/visibility.h"
 
@@ -22,6 +23,8 @@ struct SolveOptions {
   double gradient = 0.1;
   double f_max = 0.05;  ///< kHierarchical
   double w_min = 1e-5;  ///< kAdaptive: of the last pass; share of the absorbed power
+  /// kAdaptive: another oracle than AdaptiveOracle, to be measured against it; as its constructor.
+  std::function<std::unique_ptr<Oracle>(const Light& light, double a_min, double w_min)> oracle;
   IterationMethod iteration = IterationMethod::kKrylov;
   double tolerance = 1e-4;   ///< largest relative error of the radiosity that the iteration may leave
   int visibility_rays = 32;  ///< even

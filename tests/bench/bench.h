@@ -13,6 +13,8 @@ namespace radbake::bench {
 void RegisterBakes();
 /// `Links`: links against elements at a fixed F_max.
 void RegisterLinks();
+/// `Oracle`: what the adaptive oracle's terms are worth.
+void RegisterOracles();
 /// `Transport`: form factors, rays and shafts one by one.
 void RegisterTransport();
 

@@ -31,6 +31,7 @@ int main(int argc, char** argv) {
   }
   radbake::bench::RegisterBakes();
   radbake::bench::RegisterLinks();
+  radbake::bench::RegisterOracles();
   radbake::bench::RegisterTransport();
   benchmark::RunSpecifiedBenchmarks();
   return radbake::bench::AnyFailed() ? 1 : 0;
