@@ -47,7 +47,8 @@ struct Light {
   std::vector<double> open;
 
   /// The element whose open part stands for this one's: itself, or where so little is open that its light is
-  /// hardly known, as along the foot of a body, the nearest ancestor of which more is.
+  /// hardly known, as along the foot of a body, the nearest ancestor of which more is. For who looks at the
+  /// solution: in it, each keeps its own power.
   std::vector<Index> seen_as;
 
   /// Radiosity of the open part: what a receiver that sees the element sees.

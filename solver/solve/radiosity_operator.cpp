@@ -92,10 +92,9 @@ RadiosityOperator::Shooters RadiosityOperator::Surfaces(const LeafValues& radios
     }
     elements[e] = power / area;
   });
-  // Descending: what stands for an element is itself or above it.
-  for (auto e = static_cast<Index>(elements.size()); e-- > 0;) {
-    const Index as = light_.seen_as[e];
-    elements[e] = light_.open[as] > 0 ? Rgb(elements[as] / light_.open[as]) : Rgb::Zero();
+  for (std::size_t e = 0; e < elements.size(); ++e) {
+    const double open = light_.open[e];
+    elements[e] = open > 0 ? Rgb(elements[e] / open) : Rgb::Zero();
   }
   shooters.clusters.resize(hierarchy_.clusters().size());
   tbb::parallel_for(std::size_t{0}, shooters.clusters.size(), [&](std::size_t c) {

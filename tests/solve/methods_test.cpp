@@ -43,7 +43,7 @@ constexpr std::array kCoarse = {
 
 constexpr std::array kFine = {
     Setting{.name = "matrix", .refinement = Refinement::kMatrix, .a_min = 4e-3},
-    Setting{.name = "two-level", .refinement = Refinement::kTwoLevel, .a_min = 1.5e-4},
+    Setting{.name = "two-level", .refinement = Refinement::kTwoLevel, .a_min = 1e-4},
     Setting{.name = "hierarchical", .refinement = Refinement::kHierarchical, .a_min = 5e-4, .f_max = 0.008}};
 constexpr Setting kReference{
     .name = "adaptive", .refinement = Refinement::kAdaptive, .a_min = 1e-5, .w_min = 5e-5};

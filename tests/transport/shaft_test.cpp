@@ -16,6 +16,16 @@ TEST(Occluders, ProveEveryPairOfAConvexRoomClear) {
   EXPECT_TRUE(Occluders(patches).empty());
 }
 
+/// Without a hundredth along its edges: a ray from a place at the very edge of a body may pass the edge
+/// closer than rays are exact (see RayCaster).
+Polygon Inner(Polygon polygon) {
+  const Vec3 centre = polygon.Centroid();
+  for (int k = 0; k < polygon.count; ++k) {
+    polygon[k] += 0.01 * (centre - polygon[k]);
+  }
+  return polygon;
+}
+
 TEST(Occluders, NeverProveAPairClearThatARayFindsBlocked) {
   const Patches patches = CutIntoPatches(testing::ShadowRoom());
   Hierarchy hierarchy(patches);
@@ -33,7 +43,7 @@ TEST(Occluders, NeverProveAPairClearThatARayFindsBlocked) {
     if (ExchangeArea(p, q) == 0) {
       continue;
     }
-    const bool open = visibility.BetweenElements(p, q, ExchangeArea(p, q), k, 8).judged == 1;
+    const bool open = visibility.BetweenElements(Inner(p), Inner(q), ExchangeArea(p, q), k, 8).judged == 1;
     if (visibility.Clear(p, q)) {
       ++clear;
       EXPECT_TRUE(open) << "elements " << a << " and " << b;
