@@ -72,7 +72,7 @@ class Restarted {
   std::filesystem::path program_;
   std::vector<std::string> flags_;
   std::unique_ptr<Daemon> daemon_;
-  int port_ = 0;
+  std::atomic<int> port_ = 0;  // the clients ask on while it is started anew
 };
 
 class KillTest : public testing::TestWithParam<Case> {
