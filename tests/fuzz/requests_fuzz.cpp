@@ -18,6 +18,9 @@ struct World {
   server::TemporaryFolder folder;
   server::Service service{folder.path() / "data", "/bin/false", Options()};
   std::string job = service.client().PostScene();
+  // What the service makes when it is first asked for has to live longer than it.
+  int page = service.client().Get("/").status;
+  int metrics = service.client().Get("/metrics").status;
 
   static server::Service::Options Options() {
     server::Service::Options options;
