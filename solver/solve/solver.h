@@ -28,8 +28,8 @@ struct SolveOptions {
   IterationMethod iteration = IterationMethod::kKrylov;
   double tolerance = 1e-4;   ///< largest relative error of the radiosity that the iteration may leave
   int visibility_rays = 32;  ///< even
-  /// Called between rounds of refinement, and between sweeps or a few applications of the operator in an
-  /// iteration; true ends the solve with what it has.
+  /// Called now and then while links are refined, and between sweeps or a few applications of the operator in
+  /// an iteration; true ends the solve with what it has.
   std::function<bool(const Iteration&)> stop;
 };
 
