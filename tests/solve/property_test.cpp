@@ -210,7 +210,8 @@ RC_GTEST_PROP(ClosedRooms, AbsorbWhatIsEmitted, ()) {
 }
 
 RC_GTEST_PROP(ClosedRooms, AddTheirLightsUp, ()) {
-  const Room both = AnyRoom();
+  Room both = AnyRoom();
+  both.emissions[0] += 1;  // the floor shines in either room
   Room first = both;
   Room second = both;
   for (std::size_t i = 1; i < both.sides(); ++i) {
@@ -218,7 +219,6 @@ RC_GTEST_PROP(ClosedRooms, AddTheirLightsUp, ()) {
   }
   second.emissions[0] = both.emissions[0] - 1;
   first.emissions[0] = 1;
-  RC_PRE(std::ranges::any_of(second.emissions, [](int emission) { return emission > 0; }));
   std::vector<double> sum = MeanIrradiance(Built(first));
   const std::vector<double> of_second = MeanIrradiance(Built(second));
   for (std::size_t s = 0; s < sum.size(); ++s) {
