@@ -25,20 +25,20 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kGrace = std::chrono::seconds(2);
-constexpr std::size_t kLongestLine = 65536;
+constexpr std::size_t kLongestOutputLine = 65536;
 constexpr std::size_t kLongestError = 2000;
 constexpr std::size_t kLongestLog = 4000;
-constexpr std::size_t kReadSize = 16384;
+constexpr std::size_t kPipeReadSize = 16384;
 constexpr int kPipeReads = 64;  // empties a full pipe, and ends where somebody goes on filling it
 
-[[noreturn]] void Fail(const char* what) {
+[[noreturn]] void FailFor(const char* what) {
   throw std::system_error(errno, std::generic_category(), what);
 }
 
 std::pair<Descriptor, Descriptor> Pipe() {
   std::array<int, 2> ends{};
   if (::pipe2(ends.data(), O_CLOEXEC) != 0) {
-    Fail("pipe2");
+    FailFor("pipe2");
   }
   return {Descriptor(ends[0]), Descriptor(ends[1])};
 }
@@ -92,7 +92,7 @@ class Lines {
     while (!bytes.empty()) {
       const std::size_t end = bytes.find('\n');
       const std::string_view piece = bytes.substr(0, end);
-      too_long_ = too_long_ || line_.size() + piece.size() > kLongestLine;
+      too_long_ = too_long_ || line_.size() + piece.size() > kLongestOutputLine;
       if (!too_long_) {
         line_ += piece;
       }
@@ -128,7 +128,7 @@ void AppendToLog(const std::string& line, std::string& log) {
 
 // Reads once from a pipe that does not block. False when there is nothing more.
 bool Drain(const Descriptor& pipe, Lines& lines) {
-  std::array<char, kReadSize> buffer{};
+  std::array<char, kPipeReadSize> buffer{};
   const ssize_t count = ::read(pipe.get(), buffer.data(), buffer.size());
   if (count > 0) {
     lines.Append({buffer.data(), static_cast<std::size_t>(count)});
@@ -145,7 +145,7 @@ class Process {
       Kill(SIGKILL);
       Reap();
       errno = error;
-      Fail("pidfd_open");
+      FailFor("pidfd_open");
     }
   }
   Process(Process&&) = delete;
@@ -216,7 +216,7 @@ class Stopper {
 
 StopSignal::StopSignal() : event_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
   if (!event_.open()) {
-    Fail("eventfd");
+    FailFor("eventfd");
   }
 }
 
@@ -250,7 +250,7 @@ ChildEnd RunChild(const ChildCommand& command, const std::function<void(std::str
 
   const Descriptor input(::open("/dev/null", O_RDONLY | O_CLOEXEC));
   if (!input.open()) {
-    Fail("cannot open /dev/null");
+    FailFor("cannot open /dev/null");
   }
   auto [output, output_end] = Pipe();
   auto [error, error_end] = Pipe();
@@ -269,7 +269,7 @@ ChildEnd RunChild(const ChildCommand& command, const std::function<void(std::str
                          &sandbox};
   const pid_t pid = ::fork();
   if (pid < 0) {
-    Fail("fork");
+    FailFor("fork");
   }
   if (pid == 0) {
     BecomeProgram(launch);

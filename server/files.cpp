@@ -19,21 +19,21 @@ namespace {
 // A child that had no time to close its descriptors holds the lock of its killed parent for a moment.
 constexpr std::chrono::seconds kLockPatience{2};
 
-[[noreturn]] void Fail(const std::string& what, const std::filesystem::path& path) {
+[[noreturn]] void FailAt(const std::string& what, const std::filesystem::path& path) {
   throw std::system_error(errno, std::generic_category(), what + " " + path.string());
 }
 
 Descriptor Open(const std::filesystem::path& path, int flags) {
   Descriptor file(::open(path.c_str(), flags | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (!file.open()) {
-    Fail("cannot open", path);
+    FailAt("cannot open", path);
   }
   return file;
 }
 
 void Sync(const Descriptor& file, const std::filesystem::path& path) {
   if (::fsync(file.get()) != 0) {
-    Fail("cannot sync", path);
+    FailAt("cannot sync", path);
   }
 }
 
@@ -72,7 +72,7 @@ void NewFile::Append(std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t written = ::write(file_.get(), bytes.data(), bytes.size());
     if (written < 0 && errno != EINTR) {
-      Fail("cannot write", temporary_);
+      FailAt("cannot write", temporary_);
     }
     bytes.remove_prefix(written < 0 ? 0 : static_cast<std::size_t>(written));
   }
@@ -109,7 +109,7 @@ Descriptor LockFolder(const std::filesystem::path& folder, const std::string& na
     if (errno == EWOULDBLOCK) {
       throw std::runtime_error("another radbaked uses the data folder " + folder.string());
     }
-    Fail("cannot lock", folder);
+    FailAt("cannot lock", folder);
   }
   return lock;
 }

@@ -10,23 +10,18 @@
 #include <cerrno>
 #include <utility>
 
+#include "server/text.h"
+
 namespace radbake::server {
 namespace {
 
-constexpr std::size_t kReadSize = 65536;
-constexpr std::size_t kLongestLine = 32768;  // of those that httplib reads byte by byte: a chunk's size
+constexpr std::size_t kSocketReadSize = 65536;
+constexpr std::size_t kLongestChunkLine = 32768;  // of those that httplib reads byte by byte: a chunk's size
 constexpr const char* kPrefix = "Radbaked-";
 constexpr std::array<std::string_view, 4> kRenamed = {"range", "content-type", "content-encoding",
                                                       "accept-encoding"};
 constexpr std::array<std::string_view, 4> kForgeable = {"remote_addr", "remote_port", "local_addr",
                                                         "local_port"};
-
-std::string Lower(std::string_view text) {
-  std::string lower(text);
-  std::transform(lower.begin(), lower.end(), lower.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return lower;
-}
 
 template <typename List>
 bool Contains(const List& list, std::string_view name) {
@@ -157,7 +152,7 @@ ssize_t Connection::read(char* bytes, std::size_t size) {
     if (!Wait(POLLIN, in_)) {
       return -1;
     }
-    buffer_.resize(kReadSize);
+    buffer_.resize(kSocketReadSize);
     taken_ = 0;
     const ssize_t count = ::recv(socket_.descriptor.get(), buffer_.data(), buffer_.size(), MSG_DONTWAIT);
     buffer_.resize(count > 0 ? static_cast<std::size_t>(count) : 0);
@@ -170,7 +165,7 @@ ssize_t Connection::read(char* bytes, std::size_t size) {
   std::copy_n(buffer_.data() + taken_, count, bytes);
   taken_ += count;
   line_ = count == 1 && *bytes != '\n' ? line_ + 1 : 0;
-  return line_ > kLongestLine ? -1 : static_cast<ssize_t>(count);
+  return line_ > kLongestChunkLine ? -1 : static_cast<ssize_t>(count);
 }
 
 ssize_t Connection::write(const char* bytes, std::size_t size) {
@@ -212,9 +207,9 @@ void Connection::get_local_ip_and_port(std::string& ip, int& port) const {
 }
 
 void Connection::CloseUnheard() {
-  constexpr int kPatience = 1000;  // milliseconds, and times kReadSize bytes
+  constexpr int kPatience = 1000;  // milliseconds, and times kSocketReadSize bytes
   ::shutdown(socket_.descriptor.get(), SHUT_WR);
-  std::string forgotten(kReadSize, '\0');
+  std::string forgotten(kSocketReadSize, '\0');
   const Clock::time_point end = Clock::now() + std::chrono::milliseconds(kPatience);
   pollfd event{socket_.descriptor.get(), POLLIN, 0};
   while (Clock::now() < end && ::poll(&event, 1, kPatience) > 0 &&

@@ -16,7 +16,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t kReadSize = 16384;
+constexpr std::size_t kHeadReadSize = 16384;
 
 }  // namespace
 
@@ -76,7 +76,7 @@ void Front::Take(int socket) {
 
 // Reads what is there. True when the connection is done with here.
 bool Front::Advance(Incoming& incoming) {
-  std::array<char, kReadSize> buffer{};
+  std::array<char, kHeadReadSize> buffer{};
   const ssize_t count = ::recv(incoming.socket.descriptor.get(), buffer.data(), buffer.size(), MSG_DONTWAIT);
   if (count <= 0) {
     return count == 0 || (errno != EAGAIN && errno != EINTR);

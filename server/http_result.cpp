@@ -9,17 +9,12 @@
 
 #include "server/http_connection.h"
 #include "server/problem.h"
+#include "server/text.h"
 
 namespace radbake::server {
 namespace {
 
-constexpr std::size_t kReadSize = 65536;
-
-std::string_view Trimmed(std::string_view text) {
-  constexpr std::string_view kSpaces = " \t";
-  text.remove_prefix(std::min(text.find_first_not_of(kSpaces), text.size()));
-  return text.substr(0, text.find_last_not_of(kSpaces) + 1);
-}
+constexpr std::size_t kPieceSize = 65536;
 
 // The elements of a comma-separated list, one after the other.
 std::string_view NextOf(std::string_view& list) {
@@ -172,7 +167,7 @@ bool SendResult(const httplib::Request& request, httplib::Response& response, co
       range.length, result.type,
       [file, begin = range.offset](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
         try {
-          const std::string bytes = file->Read(begin + offset, std::min(length, kReadSize));
+          const std::string bytes = file->Read(begin + offset, std::min(length, kPieceSize));
           return sink.write(bytes.data(), bytes.size());
         } catch (const QueueError&) {
           return false;  // the answer breaks off

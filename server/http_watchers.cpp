@@ -17,7 +17,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::milliseconds kPause{100};
+constexpr std::chrono::milliseconds kBetweenLooks{100};
 constexpr std::size_t kMostUnsent = 256 << 10U;
 constexpr std::size_t kIdSize = 16;
 
@@ -129,7 +129,7 @@ void Watchers::Loop() {
       if (watchers.empty()) {
         changed_.wait(lock, [&] { return stopping_ || !new_.empty(); });
       } else {
-        changed_.wait_for(lock, kPause, [&] { return stopping_ || !new_.empty(); });
+        changed_.wait_for(lock, kBetweenLooks, [&] { return stopping_ || !new_.empty(); });
       }
       std::move(new_.begin(), new_.end(), std::back_inserter(watchers));
       new_.clear();

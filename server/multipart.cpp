@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "server/problem.h"
+#include "server/text.h"
 
 namespace radbake::server {
 namespace {
@@ -15,21 +16,8 @@ constexpr std::size_t kLongestHeader = 8192;
 constexpr std::size_t kLongestBoundary = 70;  // RFC 2046
 constexpr std::string_view kSpaces = " \t";
 
-[[noreturn]] void Fail(const std::string& what) {
+[[noreturn]] void Refuse(const std::string& what) {
   throw ProblemError(HttpProblem(400, "the body is not multipart/form-data: " + what));
-}
-
-std::string Lower(std::string_view text) {
-  std::string lower(text);
-  for (char& c : lower) {
-    c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  }
-  return lower;
-}
-
-std::string_view Trimmed(std::string_view text) {
-  text.remove_prefix(std::min(text.find_first_not_of(kSpaces), text.size()));
-  return text.substr(0, text.find_last_not_of(kSpaces) + 1);
 }
 
 struct HeaderValue {
@@ -91,7 +79,7 @@ MultipartParser::Part ParsePart(std::string_view header) {
       return part;
     }
   }
-  Fail("a part has no name");
+  Refuse("a part has no name");
 }
 
 }  // namespace
@@ -115,7 +103,7 @@ void MultipartParser::Feed(std::string_view bytes) {
 
 void MultipartParser::End() {
   if (state_ != State::kEpilogue) {
-    Fail("it ends before its last boundary");
+    Refuse("it ends before its last boundary");
   }
 }
 
@@ -158,7 +146,7 @@ bool MultipartParser::ReadDelimiterEnd() {
   const std::size_t text = std::min(buffer_.find_first_not_of(kSpaces), buffer_.size());
   if (buffer_.size() < text + 2) {
     if (buffer_.size() > kLongestHeader) {
-      Fail("a boundary's line is too long");
+      Refuse("a boundary's line is too long");
     }
     return false;
   }
@@ -167,7 +155,7 @@ bool MultipartParser::ReadDelimiterEnd() {
     return true;
   }
   if (buffer_.compare(text, 2, "\r\n") != 0) {
-    Fail("a boundary is followed by something else");
+    Refuse("a boundary is followed by something else");
   }
   buffer_.erase(0, text);  // the line break stays: a part may have no header, and then ends as one that has
   state_ = State::kHeader;
@@ -177,7 +165,7 @@ bool MultipartParser::ReadDelimiterEnd() {
 bool MultipartParser::ReadHeader() {
   const std::size_t end = buffer_.find("\r\n\r\n");
   if (std::min(end, buffer_.size()) > kLongestHeader) {
-    Fail("the header of a part is too long");
+    Refuse("the header of a part is too long");
   }
   if (end == std::string::npos) {
     return false;

@@ -10,12 +10,12 @@
 namespace radbake::server {
 namespace {
 
-constexpr int kSchemaVersion = 1;
+constexpr int kPostgresSchemaVersion = 1;
 constexpr int kUpload = 0;  // the attempt that an upload counts as
 // A result goes over in transactions of so many pieces, lest who deletes the job has to wait for all of it.
 constexpr int kPiecesAtOnce = 16;
 
-const char* const kNow = "(extract(epoch FROM clock_timestamp()) * 1000)::bigint";
+const char* const kPostgresNow = "(extract(epoch FROM clock_timestamp()) * 1000)::bigint";
 
 void Prepare(PostgresConnection& connection) {
   connection.Transact([](SqlConnection& transaction) {
@@ -27,9 +27,9 @@ void Prepare(PostgresConnection& connection) {
       session.Execute(kSchemaPostgres);
     }
     const std::string found = session.Run("SELECT number FROM version").rows.at(0).at(0).value_or("");
-    if (found != std::to_string(kSchemaVersion)) {
+    if (found != std::to_string(kPostgresSchemaVersion)) {
       throw QueueError("the database's queue is of version " + found + ", this radbaked knows " +
-                       std::to_string(kSchemaVersion));
+                       std::to_string(kPostgresSchemaVersion));
     }
   });
 }
@@ -113,7 +113,7 @@ class FileInPieces final : public StoredFile {
 }  // namespace
 
 PostgresQueue::PostgresQueue(const std::string& url, std::chrono::milliseconds keep)
-    : SqlQueue(kNow, keep), pool_(url, Prepare) {}
+    : SqlQueue(kPostgresNow, keep), pool_(url, Prepare) {}
 
 PostgresQueue::~PostgresQueue() = default;
 

@@ -17,7 +17,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr auto kPatience = 10s;        // that callers wait for a connection that others use
+constexpr auto kWaitForConnection = 10s;        // that callers wait for a connection that others use
 constexpr auto kAfterRefusal = 250ms;  // in which nobody else tries to connect
 constexpr auto kListenPause = 1s;
 constexpr auto kListenTurn = 10s;
@@ -39,7 +39,7 @@ struct OptionsFreer {
   void operator()(PQconninfoOption* options) const { PQconninfoFree(options); }
 };
 
-std::string Trimmed(const char* message) {
+std::string Message(const char* message) {
   std::string text(message == nullptr ? "" : message);
   text.erase(text.find_last_not_of(" \n\t") + 1);
   return text;
@@ -50,7 +50,7 @@ std::vector<std::pair<std::string, std::string>> Settings(const std::string& url
   char* error = nullptr;
   const std::unique_ptr<PQconninfoOption, OptionsFreer> options(PQconninfoParse(url.c_str(), &error));
   if (options == nullptr) {
-    const std::string why = Trimmed(error);
+    const std::string why = Message(error);
     PQfreemem(error);
     throw QueueError("the database's URL: " + why);
   }
@@ -64,7 +64,7 @@ std::vector<std::pair<std::string, std::string>> Settings(const std::string& url
   return settings;
 }
 
-std::string ToText(const SqlValue& value) {
+std::string AsSent(const SqlValue& value) {
   if (const auto* number = std::get_if<std::int64_t>(&value)) {
     return std::to_string(*number);
   }
@@ -100,14 +100,14 @@ PostgresConnection::PostgresConnection(const std::string& url) {
   }
   PQsetNoticeProcessor(
       connection_.get(),
-      [](void*, const char* message) { spdlog::warn("the database: {}", Trimmed(message)); }, nullptr);
+      [](void*, const char* message) { spdlog::warn("the database: {}", Message(message)); }, nullptr);
   Execute(kSession);
 }
 
 PostgresConnection::~PostgresConnection() = default;
 
 void PostgresConnection::Fail() const {
-  throw QueueError("the database: " + Trimmed(PQerrorMessage(connection_.get())));
+  throw QueueError("the database: " + Message(PQerrorMessage(connection_.get())));
 }
 
 void PostgresConnection::Check(const Result& result) const {
@@ -125,7 +125,7 @@ PostgresConnection::Result PostgresConnection::Query(const std::string& sql,
   std::vector<const char*> pointers;
   for (const SqlValue& value : values) {
     const bool null = std::holds_alternative<std::nullptr_t>(value);
-    pointers.push_back(null ? nullptr : texts.emplace_back(ToText(value)).c_str());
+    pointers.push_back(null ? nullptr : texts.emplace_back(AsSent(value)).c_str());
   }
   std::vector<int> lengths(values.size(), 0);
   std::vector<int> formats(values.size(), 0);
@@ -241,7 +241,7 @@ std::unique_ptr<PostgresConnection> PostgresPool::Connect() {
 
 std::unique_ptr<PostgresConnection> PostgresPool::Take() {
   std::unique_lock lock(mutex_);
-  if (!put_.wait_for(lock, kPatience, [&] { return taken_ < kConnections; })) {
+  if (!put_.wait_for(lock, kWaitForConnection, [&] { return taken_ < kConnections; })) {
     throw QueueError("the database: all connections are in use");
   }
   ++taken_;

@@ -17,9 +17,9 @@
 namespace radbake::server {
 namespace {
 
-constexpr int kSchemaVersion = 3;
-constexpr int kPatience = 5000;  // milliseconds that another process may take to write
-const char* const kNow = "CAST(round((julianday('now') - 2440587.5) * 86400000.0) AS INTEGER)";
+constexpr int kSqliteSchemaVersion = 3;
+constexpr int kLockMilliseconds = 5000;  // milliseconds that another process may take to write
+const char* const kSqliteNow = "CAST(round((julianday('now') - 2440587.5) * 86400000.0) AS INTEGER)";
 
 // What the file system refuses is the queue's to report.
 template <typename Work>
@@ -62,7 +62,7 @@ class SqliteQueue::Connection final : public SqlConnection {
     if (result != SQLITE_OK) {
       throw QueueError("cannot open " + file.string() + ": " + sqlite3_errstr(result));
     }
-    sqlite3_busy_timeout(database, kPatience);
+    sqlite3_busy_timeout(database, kLockMilliseconds);
   }
 
   SqlResult Run(const std::string& sql, const std::vector<SqlValue>& values = {}) override {
@@ -132,7 +132,7 @@ class SqliteQueue::Connection final : public SqlConnection {
 };
 
 SqliteQueue::SqliteQueue(const std::filesystem::path& data, std::chrono::milliseconds keep)
-    : SqlQueue(kNow, keep), jobs_(data / "jobs") {
+    : SqlQueue(kSqliteNow, keep), jobs_(data / "jobs") {
   OnDisk([&] { std::filesystem::create_directories(jobs_); });
   const std::filesystem::path file = data / "jobs.sqlite";
   writer_ = std::make_unique<Connection>(file);
@@ -141,9 +141,9 @@ SqliteQueue::SqliteQueue(const std::filesystem::path& data, std::chrono::millise
   writer_->Execute("PRAGMA foreign_keys = ON");
   writer_->Transact([&](SqlConnection& connection) {
     const std::string found = connection.Run("PRAGMA user_version").rows.at(0).at(0).value_or("");
-    if (found != "0" && found != "1" && found != "2" && found != std::to_string(kSchemaVersion)) {
+    if (found != "0" && found != "1" && found != "2" && found != std::to_string(kSqliteSchemaVersion)) {
       throw QueueError(file.string() + " is of version " + found + ", this radbaked knows " +
-                       std::to_string(kSchemaVersion));
+                       std::to_string(kSqliteSchemaVersion));
     }
     if (found == "1") {
       writer_->Execute(kSchemaFrom1);
@@ -152,7 +152,7 @@ SqliteQueue::SqliteQueue(const std::filesystem::path& data, std::chrono::millise
       writer_->Execute(kSchemaFrom2);
     }
     writer_->Execute(kSchema);
-    connection.Run("PRAGMA user_version = " + std::to_string(kSchemaVersion));
+    connection.Run("PRAGMA user_version = " + std::to_string(kSqliteSchemaVersion));
   });
   reader_ = std::make_unique<Connection>(file);
 }

@@ -13,7 +13,7 @@
 namespace radbake::server {
 namespace {
 
-constexpr std::chrono::milliseconds kPause{20};
+constexpr std::chrono::milliseconds kSwarm{20};
 
 Problem WorkerLost() {
   return BakeFailed("gave up after " + std::to_string(Queue::kAttempts) +
@@ -322,7 +322,7 @@ void Workers::Keep() {
     lock.lock();
     // Hints come in swarms; all of one are looked after at once.
     const auto over = [&] { return stopping_ && running_.empty(); };
-    changed_.wait_for(lock, std::min(kPause, options_.beat), over);
+    changed_.wait_for(lock, std::min(kSwarm, options_.beat), over);
     changed_.wait_until(lock, beat, [&] { return over() || news_ != seen + (due ? 1U : 0U); });
   }
 }
