@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <poll.h>
-#include <sys/eventfd.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
@@ -14,7 +13,6 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
-#include <cstdint>
 #include <system_error>
 #include <tuple>
 #include <utility>
@@ -213,22 +211,6 @@ class Stopper {
 };
 
 }  // namespace
-
-StopSignal::StopSignal() : event_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-  if (!event_.open()) {
-    FailFor("eventfd");
-  }
-}
-
-void StopSignal::Raise() {
-  const std::uint64_t one = 1;
-  static_cast<void>(!::write(event_.get(), &one, sizeof one));
-}
-
-bool StopSignal::raised() const {
-  pollfd event{event_.get(), POLLIN, 0};
-  return ::poll(&event, 1, 0) > 0;
-}
 
 ChildEnd RunChild(const ChildCommand& command, const std::function<void(std::string_view)>& on_line,
                   const StopSignal& stop) {

@@ -9,20 +9,9 @@
 
 #include "server/files.h"
 #include "server/sandbox.h"
+#include "server/stop_signal.h"
 
 namespace radbake::server {
-
-/// Raised once, from any thread; a running child sees it at once.
-class StopSignal {
- public:
-  StopSignal();
-  void Raise();
-  bool raised() const;
-  int descriptor() const { return event_.get(); }  ///< readable when raised
-
- private:
-  Descriptor event_;
-};
 
 struct ChildCommand {
   std::filesystem::path program;

@@ -6,8 +6,10 @@
 
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <exception>
 #include <functional>
+#include <future>
 #include <memory>
 #include <optional>
 #include <set>
@@ -21,7 +23,9 @@
 #include "server/http_front.h"
 #include "server/http_origin.h"
 #include "server/log.h"
+#include "server/places.h"
 #include "server/problem.h"
+#include "server/stop_signal.h"
 
 namespace radbake::server {
 namespace {
@@ -30,8 +34,9 @@ using httplib::ContentReader;
 using httplib::Request;
 using httplib::Response;
 
-constexpr std::size_t kThreads = 32;
+constexpr std::size_t kThreads = 8;  // beside those that may wait for a client
 constexpr int kBacklog = 512;
+constexpr std::chrono::seconds kStopPatience{5};  // with clients, when the server stops
 
 // The queue's database is away, or there is no room on the disk or no right to write to it.
 bool Storeless(const std::exception& error) {
@@ -56,6 +61,7 @@ class AtOnce final : public httplib::TaskQueue {
 // The threads that answer requests.
 class Pool {
  public:
+  explicit Pool(std::size_t threads) : pool_(threads) {}
   ~Pool() { ShutDown(); }
   void Enqueue(std::function<void()> task) { pool_.enqueue(std::move(task)); }
   // Ends when there is nothing more to do; a task may still add another.
@@ -66,7 +72,7 @@ class Pool {
   }
 
  private:
-  httplib::ThreadPool pool_{kThreads};
+  httplib::ThreadPool pool_;
   bool down_ = false;
 };
 
@@ -119,6 +125,8 @@ class HttpServer::Implementation {
  public:
   Implementation(Jobs& jobs, const Options& options)
       : options_(options),
+        slow_(options.limits.downloads),
+        pool_(kThreads + options.limits.uploads + options.limits.downloads),
         listener_([this](int socket) { front_.Take(socket); }),
         front_(options.limits, [this](Incoming incoming) { Enqueue(std::move(incoming)); }),
         watchers_(jobs, options.limits, [this](Incoming incoming) { Enqueue(std::move(incoming)); }),
@@ -239,9 +247,10 @@ class HttpServer::Implementation {
 
   void Process(Incoming incoming) {
     const std::optional<Problem> refused = std::move(incoming.refused);
-    Connection connection(std::move(incoming), options_.limits);
+    Connection connection(std::move(incoming), options_.limits, slow_, break_off_);
     if (refused) {
       WriteRefusal(connection, *refused);
+      front_.Linger(connection.TakeSocket());
       return;
     }
     Task task{connection, {}, std::chrono::steady_clock::now()};
@@ -256,6 +265,8 @@ class HttpServer::Implementation {
     } else if (then.kind == Then::Kind::kHold) {
       watchers_.Hold(std::move(then.place), {connection.TakeSocket(), then.request, std::nullopt}, then.job,
                      then.deadline);
+    } else if (!connection.heard()) {
+      front_.Linger(connection.TakeSocket());
     }
   }
 
@@ -295,7 +306,6 @@ class HttpServer::Implementation {
         kRequestId + ": " + id + "\r\n" + (problem.status == 503 ? "Retry-After: 1\r\n" : "") +
         "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body;
     connection.write(answer.data(), answer.size());  // shorter than any socket's buffer
-    connection.CloseUnheard();
     metrics_.CountReceived(connection.received());
     metrics_.CountSent(connection.sent());
   }
@@ -304,33 +314,41 @@ class HttpServer::Implementation {
     const LogScope scope({{"request", request.get_header_value(kRequestId)}});
     Body body(request, reader, current->connection, stopping_);
     try {
-      current->then = endpoints_.Serve(request, response, body);
+      current->then = endpoints_.Serve(request, response, current->connection, body);
       if (current->then.kind == Then::Kind::kHold) {
         current->connection.Mute();
       }
     } catch (const ProblemError& error) {
-      body.Drain();
       Refuse(request, response, error.problem());
     } catch (const std::exception& error) {
       spdlog::error("{} {}: {}", request.method, Quoted(request.target), error.what());
-      body.Drain();
       Answer(response, Storeless(error)
                            ? HttpProblem(503, "the service cannot read or write its jobs at the moment")
                            : HttpProblem(500, "the server failed on this request"));
     }
   }
 
-  // Nothing new comes in; what has come is answered.
+  // Nothing new comes in; what has come is answered, unless its client lets it wait for too long.
   void ShutDown() {
     front_.Stop();
     watchers_.Stop();
+    std::promise<void> done;
+    std::thread patience([this, answered = done.get_future()] {
+      if (answered.wait_for(kStopPatience) == std::future_status::timeout) {
+        break_off_.Raise();
+      }
+    });
     pool_.ShutDown();
+    done.set_value();
+    patience.join();
   }
 
   Options options_;
   std::atomic<bool> stopping_ = false;
   std::atomic<bool> over_ = false;
   int port_ = -1;
+  StopSignal break_off_;
+  Places slow_;
   Pool pool_;
   Listener listener_;
   Front front_;

@@ -39,7 +39,7 @@ class HttpServer {
   /// Answers requests until Stop(). True if that was the reason.
   bool Listen();
   /// From any thread, once: takes no more connections, refuses the uploads that are under way (503), ends the
-  /// streams of events, and lets the other requests end.
+  /// streams of events, and lets the other requests end; those that wait for their clients have five seconds.
   void Stop();
 
  private:

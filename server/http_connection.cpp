@@ -125,9 +125,11 @@ std::size_t HeaderCount(const httplib::Request& request, const std::string& name
   return request.get_header_value_count(Known(name));
 }
 
-Connection::Connection(Incoming incoming, const HttpLimits& limits)
+Connection::Connection(Incoming incoming, const HttpLimits& limits, Places& slow, const StopSignal& over)
     : socket_(std::move(incoming.socket)),
       limits_(limits),
+      slow_(slow),
+      over_(over),
       buffer_(std::move(incoming.bytes)),
       head_(buffer_.size()) {}
 
@@ -138,13 +140,13 @@ bool Connection::Wait(short events, Flow& flow) {
   const std::chrono::duration<double> due(
       static_cast<double>(flow.bytes) / static_cast<double>(std::max<std::uint64_t>(limits_.least_rate, 1)));
   flow.late = flow.late || now - *flow.since > due + limits_.idle_time;
-  pollfd event{socket_.descriptor.get(), events, 0};
+  std::array<pollfd, 2> polled = {{{socket_.descriptor.get(), events, 0}, {over_.descriptor(), POLLIN, 0}}};
+  const int patience = static_cast<int>(limits_.idle_time.count() * 1000);
   int ready = -1;
-  while (!flow.late && (ready = ::poll(&event, 1, static_cast<int>(limits_.idle_time.count() * 1000))) < 0 &&
-         errno == EINTR) {
+  while (!flow.late && (ready = ::poll(polled.data(), polled.size(), patience)) < 0 && errno == EINTR) {
   }
   flow.late = flow.late || ready == 0;
-  return ready > 0;
+  return ready > 0 && polled[0].revents != 0;
 }
 
 ssize_t Connection::read(char* bytes, std::size_t size) {
@@ -172,12 +174,23 @@ ssize_t Connection::write(const char* bytes, std::size_t size) {
   if (muted_) {
     return static_cast<ssize_t>(size);
   }
-  if (!Wait(POLLOUT, out_)) {
-    return -1;
+  while (true) {
+    const ssize_t count = ::send(socket_.descriptor.get(), bytes, size, MSG_NOSIGNAL | MSG_DONTWAIT);
+    if (count >= 0) {
+      out_.bytes += static_cast<std::uint64_t>(count);
+      return count;
+    }
+    if (errno != EINTR && (errno != EAGAIN || !MayBeSlow() || !Wait(POLLOUT, out_))) {
+      return -1;
+    }
   }
-  const ssize_t count = ::send(socket_.descriptor.get(), bytes, size, MSG_NOSIGNAL | MSG_DONTWAIT);
-  out_.bytes += count > 0 ? static_cast<std::uint64_t>(count) : 0;
-  return count < 0 && (errno == EAGAIN || errno == EINTR) ? 0 : count;
+}
+
+bool Connection::MayBeSlow() {
+  if (slow_place_ == nullptr) {
+    slow_place_ = slow_.Take();
+  }
+  return slow_place_ != nullptr;
 }
 
 void Connection::get_remote_ip_and_port(std::string& ip, int& port) const {
@@ -204,18 +217,6 @@ void Connection::get_remote_ip_and_port(std::string& ip, int& port) const {
 void Connection::get_local_ip_and_port(std::string& ip, int& port) const {
   ip.clear();
   port = 0;
-}
-
-void Connection::CloseUnheard() {
-  constexpr int kPatience = 1000;  // milliseconds, and times kSocketReadSize bytes
-  ::shutdown(socket_.descriptor.get(), SHUT_WR);
-  std::string forgotten(kSocketReadSize, '\0');
-  const Clock::time_point end = Clock::now() + std::chrono::milliseconds(kPatience);
-  pollfd event{socket_.descriptor.get(), POLLIN, 0};
-  while (Clock::now() < end && ::poll(&event, 1, kPatience) > 0 &&
-         ::recv(socket_.descriptor.get(), forgotten.data(), forgotten.size(), MSG_DONTWAIT) > 0) {
-  }
-  socket_.descriptor.Close();
 }
 
 }  // namespace radbake::server

@@ -14,14 +14,16 @@
 
 #include "server/files.h"
 #include "server/http_limits.h"
+#include "server/places.h"
 #include "server/problem.h"
+#include "server/stop_signal.h"
 
 namespace radbake::server {
 
 /// An accepted socket, counted among the connections as long as it lives.
 struct ClientSocket {
   Descriptor descriptor;
-  std::shared_ptr<void> ticket;
+  Place place;
 };
 
 /// A connection whose head is there (`bytes` begins with it), or whose head is refused.
@@ -56,7 +58,10 @@ std::string OwnHeader(const std::string& name);
 /// Reads until the client is too slow for the limits, then no more; and writes likewise.
 class Connection final : public httplib::Stream {
  public:
-  Connection(Incoming incoming, const HttpLimits& limits);
+  /// `slow` has the places of those that wait for their client to read: where none is left, nobody waits, and
+  /// the answer breaks off. Nobody waits for a client any more when `over` is raised. Both must outlive this
+  /// object.
+  Connection(Incoming incoming, const HttpLimits& limits, Places& slow, const StopSignal& over);
 
   bool is_readable() const override { return true; }
   bool is_writable() const override { return true; }
@@ -73,11 +78,14 @@ class Connection final : public httplib::Stream {
   std::uint64_t sent() const { return out_.bytes; }
   /// The client was too slow to send.
   bool late() const { return in_.late; }
+  /// Takes a place of the slow now, for an answer that is likely to need one. False if there is none.
+  bool MayBeSlow();
   /// From now on what is written is forgotten: somebody else answers.
   void Mute() { muted_ = true; }
+  /// The request has been read to its end.
+  void SetHeard() { heard_ = true; }
+  bool heard() const { return heard_; }
   ClientSocket TakeSocket() { return std::move(socket_); }
-  /// Closes so that the client gets to read what was written, though it has not been heard to the end.
-  void CloseUnheard();
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -91,6 +99,9 @@ class Connection final : public httplib::Stream {
 
   ClientSocket socket_;
   HttpLimits limits_;
+  Places& slow_;
+  const StopSignal& over_;
+  Place slow_place_;
   std::string buffer_;
   std::size_t head_;
   std::size_t taken_ = 0;  ///< of the buffer
@@ -98,6 +109,7 @@ class Connection final : public httplib::Stream {
   Flow in_;
   Flow out_;
   bool muted_ = false;
+  bool heard_ = false;
 };
 
 }  // namespace radbake::server

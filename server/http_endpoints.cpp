@@ -100,24 +100,6 @@ void ReadBody(const Request& request, Body& body, std::uint64_t most, Upload& up
   parser.End();
 }
 
-// Counts one among the uploads as long as it lives.
-class Turn {
- public:
-  Turn(std::atomic<int>& count, int most) : count_(count) {
-    if (++count_ > most) {
-      --count_;
-      throw ProblemError(HttpProblem(
-          503, "there are the " + std::to_string(most) + " uploads at a time already that are taken"));
-    }
-  }
-  ~Turn() { --count_; }
-  Turn(const Turn&) = delete;
-  Turn& operator=(const Turn&) = delete;
-
- private:
-  std::atomic<int>& count_;
-};
-
 }  // namespace
 
 bool IsHeldPost(const Request& request) {
@@ -179,13 +161,16 @@ void Endpoints::CheckQuota(const std::string& owner) {
   }
 }
 
-Then Endpoints::Serve(const Request& request, Response& response, Body& body) {
+Then Endpoints::Serve(const Request& request, Response& response, Connection& connection, Body& body) {
   const std::string owner = Check(request);
   const Target target = ParsePath(request.path);
   if (target.resource == Resource::kBakes && request.method == "POST") {
     return Post(request, response, body, owner);
   }
-  body.Drain();
+  if (target.resource == Resource::kScene && request.method == "GET" && !connection.MayBeSlow()) {
+    throw ProblemError(HttpProblem(503, "there are the " + std::to_string(limits_.downloads) +
+                                            " downloads at a time already that are served"));
+  }
   switch (target.resource) {
     case Resource::kHealth:
       response.status = 200;
@@ -211,7 +196,11 @@ Then Endpoints::Serve(const Request& request, Response& response, Body& body) {
 Then Endpoints::Post(const Request& request, Response& response, Body& body, const std::string& owner) {
   Submission submission{owner, "", ReadKey(request)};
   CheckQuota(owner);
-  const Turn turn(uploads_, limits_.uploads);
+  const Place place = uploads_.Take();
+  if (place == nullptr) {
+    throw ProblemError(HttpProblem(503, "there are the " + std::to_string(limits_.uploads) +
+                                            " uploads at a time already that are taken"));
+  }
   Draft draft = jobs_.Begin();
   Upload upload(draft, limits_.parts);
   ReadBody(request, body, limits_.upload, upload);

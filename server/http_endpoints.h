@@ -3,7 +3,6 @@
 
 #include <httplib.h>
 
-#include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <functional>
@@ -26,7 +25,7 @@ struct Then {
     kHold    ///< there is no answer yet: `request` is asked instead when the job has ended
   };
   Kind kind = Kind::kClose;
-  Watchers::Place place;
+  Place place;
   std::string job;
   std::string last;     ///< the event that the watcher has seen
   std::string request;  ///< a head
@@ -53,12 +52,14 @@ class Endpoints {
         limits_(limits),
         tokens_(std::move(tokens)),
         connections_(std::move(connections)),
-        rate_(limits.uploads_a_minute) {}
+        rate_(limits.uploads_a_minute),
+        uploads_(limits.uploads) {}
 
   /// Throws ProblemError for what is wrong with the request before its body is read. Returns whose it is.
   std::string Check(const httplib::Request& request) const;
   /// Answers. Throws ProblemError where it cannot, and std::exception where the server fails.
-  Then Serve(const httplib::Request& request, httplib::Response& response, Body& body);
+  Then Serve(const httplib::Request& request, httplib::Response& response, Connection& connection,
+             Body& body);
 
  private:
   Then Post(const httplib::Request& request, httplib::Response& response, Body& body,
@@ -81,7 +82,7 @@ class Endpoints {
   std::shared_ptr<const Tokens> tokens_;
   std::function<std::size_t()> connections_;
   Rate rate_;
-  std::atomic<int> uploads_ = 0;
+  Places uploads_;
 };
 
 }  // namespace radbake::server

@@ -18,6 +18,13 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kHeadReadSize = 16384;
 
+// Reads what is there, and forgets it. True when the client has closed.
+bool Forget(const ClientSocket& socket) {
+  std::array<char, kHeadReadSize> forgotten{};
+  const ssize_t count = ::recv(socket.descriptor.get(), forgotten.data(), forgotten.size(), MSG_DONTWAIT);
+  return count == 0 || (count < 0 && errno != EAGAIN && errno != EINTR);
+}
+
 }  // namespace
 
 Front::Front(const HttpLimits& limits, std::function<void(Incoming)> ready)
@@ -57,7 +64,7 @@ void Front::Take(int socket) {
   Incoming incoming;
   incoming.socket.descriptor = Descriptor(socket);
   const bool full = ++*count_ > limits_.connections;
-  incoming.socket.ticket = std::shared_ptr<void>(nullptr, [count = count_](void*) { --*count; });
+  incoming.socket.place = std::shared_ptr<void>(nullptr, [count = count_](void*) { --*count; });
   if (full) {
     incoming.refused = HttpProblem(503, "there are more than the " + std::to_string(limits_.connections) +
                                             " connections that are taken");
@@ -67,9 +74,21 @@ void Front::Take(int socket) {
   if (Advance(incoming)) {
     return;
   }
+  Add({std::move(incoming), Clock::now() + limits_.head_time});
+}
+
+void Front::Linger(ClientSocket socket) {
+  ::shutdown(socket.descriptor.get(), SHUT_WR);
+  Add({{std::move(socket), "", std::nullopt}, Clock::now() + limits_.head_time, true});
+}
+
+void Front::Add(Waiting waiting) {
   {
     const std::lock_guard lock(mutex_);
-    new_.push_back({std::move(incoming), Clock::now() + limits_.head_time});
+    if (stopping_) {
+      return;
+    }
+    new_.push_back(std::move(waiting));
   }
   Wake();
 }
@@ -127,17 +146,19 @@ void Front::Loop() {
     const Clock::time_point now = Clock::now();
     std::vector<Waiting> left_over;
     for (std::size_t i = 0; i < waiting.size(); ++i) {
-      if (events[i + 1].revents != 0 && Advance(waiting[i].incoming)) {
+      Waiting& one = waiting[i];
+      const bool late = now >= one.deadline;
+      if (one.answered ? late || (events[i + 1].revents != 0 && Forget(one.incoming.socket))
+                       : events[i + 1].revents != 0 && Advance(one.incoming)) {
         continue;
       }
-      if (now >= waiting[i].deadline) {
-        waiting[i].incoming.refused =
-            HttpProblem(408, "the head of the request has not come within " +
-                                 std::to_string(limits_.head_time.count()) + " seconds");
-        ready_(std::move(waiting[i].incoming));
+      if (late) {
+        one.incoming.refused = HttpProblem(408, "the head of the request has not come within " +
+                                                    std::to_string(limits_.head_time.count()) + " seconds");
+        ready_(std::move(one.incoming));
         continue;
       }
-      left_over.push_back(std::move(waiting[i]));
+      left_over.push_back(std::move(one));
     }
     waiting = std::move(left_over);
   }

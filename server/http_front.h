@@ -1,5 +1,6 @@
 /// Collects the heads of requests from any number of connections in one thread, so that a client that sends
-/// none, or sends it slowly, holds nothing but its socket.
+/// none, or sends it slowly, holds nothing but its socket; and waits in the same thread for clients that go
+/// on sending what nobody reads.
 #pragma once
 
 #include <atomic>
@@ -25,7 +26,11 @@ class Front {
 
   /// Takes over an accepted socket.
   void Take(int socket);
-  /// Drops the connections whose head has not come. No Take() may follow.
+  /// Takes over a socket to which an answer was written though the request had not come to its end. It is
+  /// closed when the client has closed it, or after the time that a head may take: closed before, it would
+  /// take from the client what that has not read of the answer.
+  void Linger(ClientSocket socket);
+  /// Drops all connections that it holds, also those to come.
   void Stop();
   std::size_t connections() const;
 
@@ -33,8 +38,10 @@ class Front {
   struct Waiting {
     Incoming incoming;
     std::chrono::steady_clock::time_point deadline;
+    bool answered = false;
   };
 
+  void Add(Waiting waiting);
   void Loop();
   bool Advance(Incoming& incoming);
   void Wake();

@@ -17,13 +17,14 @@ struct HttpLimits {
 
   std::uint64_t upload = 256ULL << 20U;  ///< bytes of a body
   int parts = 1000;                      ///< of a form
-  int uploads = 24;                      ///< bodies that are read at a time
+  std::size_t uploads = 24;              ///< bodies that are read at a time
+  std::size_t downloads = 24;  ///< results that are sent at a time, and other answers to slow readers
 
   int uploads_a_minute = 0;            ///< of each client; 0: as many as it likes
   std::size_t queued = 10'000;         ///< jobs that wait, of all clients
   std::size_t queued_of_one = 10'000;  ///< jobs that wait, of each client
 
-  std::size_t watchers = 1000;       ///< streams of events and held answers at a time, together
+  std::size_t watchers = 500;        ///< streams of events and held answers at a time, together
   std::chrono::seconds comment{15};  ///< between two signs of life of a stream
 };
 

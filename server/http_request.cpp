@@ -15,7 +15,6 @@ namespace radbake::server {
 namespace {
 
 constexpr std::size_t kLongestTarget = 1024;
-constexpr std::uint64_t kDrained = 4ULL << 20U;
 constexpr std::int64_t kLongestWait = 60;
 
 bool IsId(std::string_view text) {
@@ -200,12 +199,15 @@ std::optional<std::chrono::seconds> PreferredWait(const httplib::Request& reques
   return std::nullopt;
 }
 
-Body::Body(const httplib::Request& request, const httplib::ContentReader* reader,
-           const Connection& connection, const std::atomic<bool>& stopping)
+Body::Body(const httplib::Request& request, const httplib::ContentReader* reader, Connection& connection,
+           const std::atomic<bool>& stopping)
     : connection_(connection), stopping_(stopping) {
   const std::string length = request.get_header_value("Content-Length");
-  const bool some = IsChunked(request) || (IsNumber(length) && length != "0");
-  reader_ = some ? reader : nullptr;
+  if (IsChunked(request) || (IsNumber(length) && length != "0")) {
+    reader_ = reader;
+  } else {
+    connection_.SetHeard();
+  }
 }
 
 void Body::Read(std::uint64_t most, const std::function<void(std::string_view)>& take) {
@@ -214,17 +216,9 @@ void Body::Read(std::uint64_t most, const std::function<void(std::string_view)>&
   }
   const httplib::ContentReader& reader = *std::exchange(reader_, nullptr);
   std::uint64_t taken = 0;
-  std::uint64_t drained = 0;
   std::exception_ptr error;
   const bool whole = reader([&](const char* data, std::size_t size) {
-    if (error) {
-      drained += size;
-      return drained <= kDrained && !stopping_;
-    }
     try {
-      if (stopping_) {
-        throw ProblemError(HttpProblem(503, "the server is stopping"));
-      }
       taken += size;
       if (taken > most) {
         throw ProblemError(
@@ -234,10 +228,13 @@ void Body::Read(std::uint64_t most, const std::function<void(std::string_view)>&
     } catch (...) {
       error = std::current_exception();
     }
-    return true;
+    return !error && !stopping_;
   });
   if (error) {
     std::rethrow_exception(error);
+  }
+  if (!whole && stopping_) {
+    throw ProblemError(HttpProblem(503, "the server is stopping"));
   }
   if (!whole && connection_.late()) {
     throw ProblemError(HttpProblem(408, "the body comes too slowly"));
@@ -245,14 +242,7 @@ void Body::Read(std::uint64_t most, const std::function<void(std::string_view)>&
   if (!whole) {
     throw ProblemError(HttpProblem(400, "the body breaks off"));
   }
-}
-
-void Body::Drain() {
-  try {
-    Read(0, [](std::string_view) {});
-  } catch (const ProblemError&) {
-    return;  // whoever drains has another answer
-  }
+  connection_.SetHeard();
 }
 
 }  // namespace radbake::server

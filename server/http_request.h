@@ -56,19 +56,16 @@ std::optional<std::chrono::seconds> PreferredWait(const httplib::Request& reques
 class Body {
  public:
   /// `reader` may be null: a request whose body nobody reads. Raising `stopping` ends a Read() with a 503.
-  Body(const httplib::Request& request, const httplib::ContentReader* reader, const Connection& connection,
+  Body(const httplib::Request& request, const httplib::ContentReader* reader, Connection& connection,
        const std::atomic<bool>& stopping);
 
   /// Hands over all its bytes. Throws ProblemError if there are more than `most` (413), if it breaks off
-  /// (400) or comes too slowly (408), and whatever `take` throws.
+  /// (400) or comes too slowly (408), and whatever `take` throws; then the rest is not read.
   void Read(std::uint64_t most, const std::function<void(std::string_view)>& take);
-
-  /// Reads and forgets some of what was not read, so that its sender gets to read the answer.
-  void Drain();
 
  private:
   const httplib::ContentReader* reader_ = nullptr;  ///< null: there is nothing (more) to read
-  const Connection& connection_;
+  Connection& connection_;
   const std::atomic<bool>& stopping_;
 };
 

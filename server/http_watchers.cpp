@@ -1,12 +1,11 @@
 #include "server/http_watchers.h"
 
-#include <spdlog/spdlog.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <iterator>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -50,7 +49,9 @@ Event ToEvent(const Job& job) {
 }
 
 Watchers::Watchers(Jobs& jobs, const HttpLimits& limits, std::function<void(Incoming)> again)
-    : jobs_(jobs), limits_(limits), again_(std::move(again)), thread_([this] { Loop(); }) {}
+    : jobs_(jobs), limits_(limits), again_(std::move(again)), places_(limits.watchers), thread_([this] {
+        Loop();
+      }) {}
 
 Watchers::~Watchers() {
   Stop();
@@ -67,18 +68,19 @@ void Watchers::Stop() {
   }
 }
 
-Watchers::Place Watchers::Reserve() {
-  const bool full = ++*count_ > limits_.watchers;
-  Place place(static_cast<void*>(count_.get()), [count = count_](void*) { --*count; });
-  return full ? nullptr : place;
-}
-
 void Watchers::Watch(Place place, ClientSocket socket, const std::string& job, const std::string& last) {
-  Add({std::move(place), {std::move(socket), "", std::nullopt}, job, std::nullopt, last, "", Clock::now()});
+  Add({std::move(place),
+       {std::move(socket), "", std::nullopt},
+       job,
+       std::nullopt,
+       last,
+       "",
+       Clock::now(),
+       Clock::now()});
 }
 
 void Watchers::Hold(Place place, Incoming request, const std::string& job, Clock::time_point deadline) {
-  Add({std::move(place), std::move(request), job, deadline, "", "", Clock::now()});
+  Add({std::move(place), std::move(request), job, deadline, "", "", Clock::now(), Clock::now()});
 }
 
 void Watchers::Add(Watcher watcher) {
@@ -92,10 +94,26 @@ void Watchers::Add(Watcher watcher) {
   }
 }
 
+// Null: how the job is cannot be known now.
+const Watchers::Seen* Watchers::Look(const std::string& job,
+                                     std::map<std::string, std::optional<Seen>>& seen) {
+  const auto [found, is_new] = seen.try_emplace(job);
+  if (is_new) {
+    try {
+      std::optional<Job> now = jobs_.Find(job);
+      Event event = now ? ToEvent(*now) : Event();
+      found->second = Seen{std::move(now), std::move(event)};
+    } catch (const std::exception& error) {
+      trouble_.Meet(std::string("jobs cannot be watched: ") + error.what());
+    }
+  }
+  return found->second ? &*found->second : nullptr;
+}
+
 // False when the watcher is done with.
-bool Watchers::Advance(Watcher& watcher, const std::optional<Job>& job, const Event& event) {
+bool Watchers::Advance(Watcher& watcher, const Seen* seen) {
   const Clock::time_point now = Clock::now();
-  const bool ended = !job || Ended(job->status);
+  const bool ended = seen != nullptr && (!seen->job || Ended(seen->job->status));
   if (watcher.deadline) {
     if (!Listens(watcher.incoming.socket)) {
       return false;
@@ -106,9 +124,9 @@ bool Watchers::Advance(Watcher& watcher, const std::optional<Job>& job, const Ev
     }
     return true;
   }
-  if (job && !watcher.over && event.id != watcher.last) {
-    watcher.last = event.id;
-    watcher.unsent += "event: job\nid: " + event.id + "\ndata: " + event.data + "\n\n";
+  if (seen != nullptr && seen->job && !watcher.over && seen->event.id != watcher.last) {
+    watcher.last = seen->event.id;
+    watcher.unsent += "event: job\nid: " + seen->event.id + "\ndata: " + seen->event.data + "\n\n";
     watcher.written = now;
   } else if (now - watcher.written >= limits_.comment) {
     watcher.unsent += ":\n\n";
@@ -118,7 +136,11 @@ bool Watchers::Advance(Watcher& watcher, const std::optional<Job>& job, const Ev
   const std::size_t unsent = watcher.unsent.size();
   const bool there = Listens(watcher.incoming.socket) && Flush(watcher.incoming.socket, watcher.unsent);
   jobs_.metrics().CountSent(unsent - watcher.unsent.size());
-  return there && watcher.unsent.size() <= kMostUnsent && !(watcher.over && watcher.unsent.empty());
+  if (watcher.unsent.empty() || watcher.unsent.size() < unsent) {
+    watcher.taken = now;
+  }
+  return there && watcher.unsent.size() <= kMostUnsent && now - watcher.taken <= limits_.idle_time &&
+         !(watcher.over && watcher.unsent.empty());
 }
 
 void Watchers::Loop() {
@@ -137,23 +159,15 @@ void Watchers::Loop() {
         break;
       }
     }
-    std::map<std::string, std::pair<std::optional<Job>, Event>> seen;
+    std::map<std::string, std::optional<Seen>> seen;
     std::vector<Watcher> left;
     for (Watcher& watcher : watchers) {
-      try {
-        auto found = seen.find(watcher.job);
-        if (found == seen.end()) {
-          std::optional<Job> job = jobs_.Find(watcher.job);
-          Event event = job ? ToEvent(*job) : Event();
-          found = seen.emplace(watcher.job, std::pair(std::move(job), std::move(event))).first;
-        }
-        if (!Advance(watcher, found->second.first, found->second.second)) {
-          continue;
-        }
-      } catch (const std::exception& error) {
-        spdlog::error("job {} cannot be watched: {}", watcher.job, error.what());  // until it can be again
+      if (Advance(watcher, Look(watcher.job, seen))) {
+        left.push_back(std::move(watcher));
       }
-      left.push_back(std::move(watcher));
+    }
+    if (std::none_of(seen.begin(), seen.end(), [](const auto& one) { return !one.second; })) {
+      trouble_.Miss();
     }
     watchers = std::move(left);
   }

@@ -7,10 +7,10 @@
 /// event of the job's end, or when the job is deleted.
 #pragma once
 
-#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -20,6 +20,8 @@
 
 #include "server/http_connection.h"
 #include "server/jobs.h"
+#include "server/places.h"
+#include "server/trouble_log.h"
 
 namespace radbake::server {
 
@@ -41,9 +43,8 @@ class Watchers {
   /// Ends all streams, and hands over the held requests, also those to come.
   void Stop();
 
-  /// A place, held until Watch() or Hold() or until it is dropped; nothing if all are taken.
-  using Place = std::shared_ptr<void>;
-  Place Reserve();
+  /// A place, to be held until Watch() or Hold(); null if all are taken.
+  Place Reserve() { return places_.Take(); }
 
   /// A stream of events, whose head has been written, to who has seen the event `last` (empty: none).
   void Watch(Place place, ClientSocket socket, const std::string& job, const std::string& last);
@@ -60,17 +61,25 @@ class Watchers {
     std::string last;
     std::string unsent;
     std::chrono::steady_clock::time_point written;
+    std::chrono::steady_clock::time_point taken;  ///< when the client has taken something last, or all
     bool over = false;
   };
 
   void Add(Watcher watcher);
   void Loop();
-  bool Advance(Watcher& watcher, const std::optional<Job>& job, const Event& event);
+  /// A job as it was found; nothing: it is no more.
+  struct Seen {
+    std::optional<Job> job;
+    Event event;
+  };
+  const Seen* Look(const std::string& job, std::map<std::string, std::optional<Seen>>& seen);
+  bool Advance(Watcher& watcher, const Seen* seen);
 
   Jobs& jobs_;
   HttpLimits limits_;
   std::function<void(Incoming)> again_;
-  std::shared_ptr<std::atomic<std::size_t>> count_ = std::make_shared<std::atomic<std::size_t>>(0);
+  Places places_;
+  TroubleLog trouble_{"the jobs can be watched again"};
   std::mutex mutex_;
   std::condition_variable changed_;
   bool stopping_ = false;

@@ -130,8 +130,9 @@ void Jobs::Forget() {
       for (const std::string& id : queue_->Forget()) {
         spdlog::info("job {}: forgotten", id);
       }
+      forgetting_.Miss();
     } catch (const std::exception& error) {
-      spdlog::error("jobs cannot be forgotten: {}", error.what());
+      forgetting_.Meet(std::string("jobs cannot be forgotten: ") + error.what());
     }
     lock.lock();
     stopped_.wait_for(lock, pause, [&] { return stopping_; });
@@ -173,6 +174,12 @@ std::vector<Job> Jobs::List(const Page& page) {
     }
   }
   return jobs;
+}
+
+void Jobs::Retire() {
+  if (workers_) {
+    workers_->Retire();
+  }
 }
 
 bool Jobs::Cancel(const std::string& id) {

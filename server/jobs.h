@@ -32,6 +32,7 @@
 #include "server/files.h"
 #include "server/metrics.h"
 #include "server/queue.h"
+#include "server/trouble_log.h"
 #include "server/worker.h"
 
 namespace radbake::server {
@@ -113,6 +114,8 @@ class Jobs {
   std::unique_ptr<StoredFile> Open(const std::string& id, const std::string& name) {
     return queue_->Open(id, name);
   }
+  /// From now on no job is taken from the queue, and the grace of the running ones begins. All else goes on.
+  void Retire();
   /// False if the job has ended already or is not there.
   bool Cancel(const std::string& id);
   /// Stops and forgets the job, with its files. False if it is not there.
@@ -135,6 +138,7 @@ class Jobs {
   std::mutex mutex_;
   std::condition_variable stopped_;
   bool stopping_ = false;
+  TroubleLog forgetting_{"jobs are forgotten again"};
   std::thread forgetter_;
 };
 

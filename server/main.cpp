@@ -2,6 +2,7 @@
 #include <fcntl.h>
 #include <pthread.h>
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -97,7 +98,10 @@ bool IsLoopback(const std::string& host) {
 // The flags of all that is taken from clients.
 void AddLimits(CLI::App& app, radbake::server::HttpLimits& limits) {
   const auto add = [&](const char* flag, auto& value, const char* means) {
-    app.add_option(flag, value, means)->capture_default_str()->group("Limits");
+    return app.add_option(flag, value, means)
+        ->capture_default_str()
+        ->check(CLI::NonNegativeNumber)
+        ->group("Limits");
   };
   const auto add_seconds = [&](const char* flag, std::chrono::seconds& value, const char* means) {
     app.add_option_function<unsigned>(
@@ -108,7 +112,10 @@ void AddLimits(CLI::App& app, radbake::server::HttpLimits& limits) {
   };
   add("--max-upload", limits.upload, "Bytes that a request may have");
   add("--max-parts", limits.parts, "Parts that a form may have");
-  add("--max-uploads", limits.uploads, "Uploads at a time");
+  constexpr int kMostThreads = 1000;  // each has one
+  add("--max-uploads", limits.uploads, "Uploads at a time")->check(CLI::Range(1, kMostThreads));
+  add("--max-downloads", limits.downloads, "Results sent at a time, and other answers to slow clients")
+      ->check(CLI::Range(1, kMostThreads));
   add("--max-queue", limits.queued, "Jobs that may wait");
   add("--max-queue-per-client", limits.queued_of_one, "Jobs of one client that may wait");
   add("--uploads-per-minute", limits.uploads_a_minute, "Of each client; 0: any number");
@@ -205,6 +212,23 @@ sigset_t StopSignals() {
   return signals;
 }
 
+// The shell's usual limit is for programs that have few files open.
+void AllowOpenFiles(const HttpServer::Options& http, int workers) {
+  constexpr std::size_t kOfTheRest = 64;
+  constexpr std::size_t kOfABake = 8;
+  const radbake::server::HttpLimits& limits = http.limits;
+  const std::size_t needed = limits.connections + limits.uploads + limits.downloads +
+                             kOfABake * static_cast<std::size_t>(workers) + kOfTheRest;
+  rlimit limit{};
+  ::getrlimit(RLIMIT_NOFILE, &limit);
+  limit.rlim_cur = std::max(limit.rlim_cur, std::min<rlim_t>(limit.rlim_max, needed));
+  ::setrlimit(RLIMIT_NOFILE, &limit);
+  if (limit.rlim_cur < needed) {
+    spdlog::warn("this process may open {} files, and --max-connections {} needs {}", limit.rlim_cur,
+                 limits.connections, needed);
+  }
+}
+
 // Without a trace: what the folder of the jobs lacks to be used.
 void CheckData(const std::filesystem::path& data) {
   std::filesystem::path folder = data;
@@ -219,6 +243,7 @@ void CheckData(const std::filesystem::path& data) {
 void Serve(const std::filesystem::path& data, const Jobs::Options& options, const HttpServer::Options& http) {
   const sigset_t signals = StopSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);  // for every thread to come
+  AllowOpenFiles(http, options.workers.count);
   Jobs jobs(data, options);
   HttpServer server(jobs, http);
   std::printf("listening on %s\n", server.Url().c_str());
@@ -233,6 +258,7 @@ void Serve(const std::filesystem::path& data, const Jobs::Options& options, cons
   int signal = 0;
   sigwait(&signals, &signal);
   spdlog::info("stopping");
+  jobs.Retire();
   server.Stop();
   listener.join();
 }

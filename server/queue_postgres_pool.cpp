@@ -17,8 +17,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr auto kWaitForConnection = 10s;        // that callers wait for a connection that others use
-constexpr auto kAfterRefusal = 250ms;  // in which nobody else tries to connect
+constexpr auto kWaitForConnection = 10s;  // that callers wait for a connection that others use
+constexpr auto kAfterRefusal = 250ms;     // in which nobody else tries to connect
 constexpr auto kListenPause = 1s;
 constexpr auto kListenTurn = 10s;
 

@@ -66,12 +66,20 @@ Workers::Workers(Queue& queue, Metrics& metrics, Options options, std::filesyste
   }
 }
 
+void Workers::Retire() {
+  const std::lock_guard lock(mutex_);
+  if (!stopping_) {
+    stopping_ = true;
+    graced_until_ = std::chrono::steady_clock::now() + options_.grace;
+    changed_.notify_all();
+  }
+}
+
 Workers::~Workers() {
+  Retire();
   {
     std::unique_lock lock(mutex_);
-    stopping_ = true;
-    changed_.notify_all();
-    ended_.wait_for(lock, options_.grace, [&] { return running_.empty(); });
+    ended_.wait_until(lock, graced_until_, [&] { return running_.empty(); });
     for (const auto& running : running_) {
       running->stop.Raise();
     }
@@ -109,20 +117,6 @@ std::optional<Live> Workers::Find(const std::string& id) const {
   return found == running_.rend() ? std::nullopt : std::optional((*found)->live);
 }
 
-// Said once, however often it is met.
-void Workers::Trouble(const std::string& what) {
-  const std::lock_guard lock(mutex_);
-  if (what == trouble_) {
-    return;
-  }
-  trouble_ = what;
-  if (what.empty()) {
-    spdlog::info("the queue is back");
-  } else {
-    spdlog::error("{}: it is tried again", what);
-  }
-}
-
 // The children die with the thread that started them: this loop is that thread's whole life.
 void Workers::Work() {
   Job job;
@@ -149,7 +143,7 @@ std::shared_ptr<Workers::Running> Workers::Claim(Job& job) {
       try {
         claimed = HasRoom() ? queue_.Claim(name_) : std::nullopt;
       } catch (const std::exception& error) {
-        Trouble(error.what());
+        trouble_.Meet(error.what());
       }
       lock.lock();
     }
@@ -285,7 +279,7 @@ void Workers::Persist(const Running& running, const std::function<void()>& chang
       }
       return;
     } catch (const std::exception& error) {
-      Trouble(error.what());
+      trouble_.Meet(error.what());
       std::unique_lock lock(mutex_);
       if (changed_.wait_for(lock, options_.beat, [&] { return stopping_; })) {
         return;
@@ -311,9 +305,9 @@ void Workers::Keep() {
     lock.unlock();
     try {
       Look(watch, due);
-      Trouble("");
+      trouble_.Miss();
     } catch (const std::exception& error) {
-      Trouble(error.what());
+      trouble_.Meet(error.what());
     }
     if (due) {
       beat = Clock::now() + options_.beat;

@@ -21,6 +21,7 @@
 #include "server/metrics.h"
 #include "server/queue.h"
 #include "server/queue_lease.h"
+#include "server/trouble_log.h"
 
 namespace radbake::server {
 
@@ -55,12 +56,13 @@ class Workers {
   /// in `folder`, which is theirs alone and is emptied. The queue and the metrics must outlive this object,
   /// and the queue's OnChange() is theirs.
   Workers(Queue& queue, Metrics& metrics, Options options, std::filesystem::path folder, std::string name);
-  /// Takes no more jobs, gives the children their grace, and stops those that are left: their jobs go back to
-  /// the queue.
+  /// Retires, and stops the children that are left after their grace: their jobs go back to the queue.
   ~Workers();
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;
 
+  /// Takes no more jobs: the children's grace begins.
+  void Retire();
   /// Stops the job's child if it has one here: whoever asks has changed the job in the queue before.
   void Stop(const std::string& id);
   /// What the child of a job that runs here has told last.
@@ -91,7 +93,6 @@ class Workers {
   void Drop(Running& running);
   void Wake();
   bool HasRoom() const;
-  void Trouble(const std::string& what);
 
   Queue& queue_;
   Metrics& metrics_;
@@ -103,9 +104,10 @@ class Workers {
   std::condition_variable changed_;
   std::condition_variable ended_;  ///< one of the running
   bool stopping_ = false;
-  bool recovered_ = false;                         ///< what the predecessors held has been taken back
-  std::uint64_t news_ = 0;                         ///< counts the reasons to look into the queue
-  std::string trouble_;                            ///< why the queue cannot be used, as logged; empty: it can
+  std::chrono::steady_clock::time_point graced_until_;
+  bool recovered_ = false;  ///< what the predecessors held has been taken back
+  std::uint64_t news_ = 0;  ///< counts the reasons to look into the queue
+  TroubleLog trouble_{"the queue is back"};
   std::vector<std::shared_ptr<Running>> running_;  ///< in the order in which they began
   std::atomic<int> alive_;
   std::vector<std::thread> threads_;

@@ -1,6 +1,7 @@
 // The program radbaked: how it starts and stops, and what a kill leaves behind.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 #include <csignal>
@@ -83,6 +84,43 @@ TEST_F(DaemonTest, LetsABakeEndWithinItsGrace) {
   EXPECT_EQ(next.client().Get(job).Json().at("status"), "succeeded");
 }
 
+TEST_F(DaemonTest, TakesNoJobWhileItStops) {
+  const std::filesystem::path program =
+      Program("echo run >> $test/runs; while [ ! -e $test/go ]; do sleep 0.02; done" + kBakes);
+  Daemon daemon(data(), program, {"--grace", "1m", "--workers", "1"});
+  ASSERT_NE(daemon.port(), 0);
+  for (int i = 0; i < 3; ++i) {
+    daemon.client().PostScene();
+  }
+  EXPECT_TRUE(Eventually([&] { return Lines("runs") == 1; }));
+  // For this client it waits a little.
+  const Descriptor slow = Connect(daemon.port(),
+                                  "POST /v1/bakes HTTP/1.1\r\nContent-Type: model/gltf-binary\r\n"
+                                  "Content-Length: 1000\r\n\r\nglTF");
+  EXPECT_TRUE(Eventually(
+      [&] { return std::distance(std::filesystem::directory_iterator(data() / "jobs"), {}) == 4; }));
+  daemon.Signal(SIGTERM);
+  EXPECT_TRUE(Eventually([&] { return daemon.Log().find("stopping") != std::string::npos; }));
+  WriteFile(folder() / "go", "");
+  EXPECT_EQ(daemon.End(SIGTERM), 0);
+  EXPECT_EQ(Lines("runs"), 1);
+}
+
+TEST_F(DaemonTest, HasAsManyConnectionsAsItPromisesWhateverTheShellAllows) {
+  rlimit before{};
+  ::getrlimit(RLIMIT_NOFILE, &before);
+  const rlimit few{64, before.rlim_max};
+  ::setrlimit(RLIMIT_NOFILE, &few);
+  const Daemon daemon(data(), Program(kBakes), {"--head-time", "3600"});
+  ::setrlimit(RLIMIT_NOFILE, &before);
+  ASSERT_NE(daemon.port(), 0);
+  std::vector<Descriptor> open;
+  for (int i = 0; i < 200; ++i) {
+    open.push_back(Connect(daemon.port(), "GET"));
+  }
+  EXPECT_EQ(daemon.client().Get("/healthz").status, 200);
+}
+
 TEST_F(DaemonTest, RefusesToStartWithAnErrorWhenItCannotServe) {
   const std::filesystem::path program = Program(kBakes);
   Daemon first(data(), program);
@@ -97,6 +135,9 @@ TEST_F(DaemonTest, RefusesToStartWithAnErrorWhenItCannotServe) {
   EXPECT_EQ(Daemon(folder() / "other", program, {"--listen", "localhost"}).End(0), 2);
   EXPECT_EQ(Daemon(folder() / "other", program, {"--listen", "127.0.0.1:70000"}).End(0), 2);
   EXPECT_EQ(Daemon(folder() / "other", program, {"--keep", "tomorrow"}).End(0), 2);
+  for (const char* flag : {"--max-uploads", "--max-parts", "--uploads-per-minute", "--max-connections"}) {
+    EXPECT_EQ(Daemon(folder() / "other", program, {flag, "-1"}).End(0), 2) << flag;
+  }
   EXPECT_EQ(Daemon(folder() / "other", program, {"--tokens", (folder() / "none").string()}).End(0), 1);
 }
 
