@@ -52,11 +52,32 @@ Rgb Light::Shooting(const Hierarchy& hierarchy, Index node, const Vec3& x) const
     return punctual[node - kFirstPunctual];
   }
   const Index cluster = node - kFirstCluster;
-  const CosineSum basis = CosineBasis((x - hierarchy.clusters()[cluster].centre).normalized());
-  return cluster_radiosity[cluster].Towards(basis, aperture[cluster]).max(0.0);
+  const CosineSum towards = CosineBasis((x - hierarchy.clusters()[cluster].centre).normalized());
+  return cluster_radiosity[cluster].Towards(towards, aperture[cluster]).max(0.0);
+}
+
+void PullCoefficients(const Hierarchy& hierarchy, const Basis& basis, std::span<const double> open, Index e,
+                      std::span<Rgb> all) {
+  const std::size_t count = basis.count();
+  const Coefficients own = all.subspan(count * e, count);
+  const Rgb mean = own[0];
+  const std::array<Rgb, kMostInBasis> flat = {mean,        Rgb::Zero(), Rgb::Zero(),
+                                              Rgb::Zero(), Rgb::Zero(), Rgb::Zero()};
+  std::ranges::fill(own, Rgb::Zero());
+  const Index first = hierarchy[e].first_child;
+  for (Index child = first; child < first + 4; ++child) {
+    const ConstCoefficients below =
+        open[child] > 0 ? ConstCoefficients(all.subspan(count * child, count)) : ConstCoefficients(flat);
+    PullFrom(basis, child, hierarchy[child].area / hierarchy[e].area, below, own);
+  }
+  own[0] = mean;
 }
 
 void Light::Pull(const Hierarchy& hierarchy) {
+  const std::size_t count = basis.count();
+  for (std::size_t e = 0; count > 1 && e < radiosity.size(); ++e) {
+    shooting_coefficients[count * e] = open[e] > 0 ? Rgb(radiosity[e] / open[e]) : Rgb::Zero();
+  }
   // Children come after their parents.
   for (auto e = static_cast<Index>(radiosity.size()); e-- > 0;) {
     if (!hierarchy[e].IsLeaf()) {
@@ -80,15 +101,34 @@ void Light::PullElement(const Hierarchy& hierarchy, Index e) {
   }
   radiosity[e] = power / area;
   irradiance[e] = flux / area;
+  if (basis.count() > 1) {
+    shooting_coefficients[basis.count() * e] = open_area > 0 ? Rgb(power / open_area) : Rgb::Zero();
+    PullCoefficients(hierarchy, basis, open, e, shooting_coefficients);
+  }
   double variance = 0;
   for (Index child = first; child < first + 4; ++child) {
     if (open[child] > 0) {
-      const double deviation = Luminance(radiosity[child]) / open[child] - Luminance(power) / open_area;
+      const double deviation = basis.count() > 1
+                                   ? DeviationOfChild(e, child)
+                                   : Luminance(radiosity[child]) / open[child] - Luminance(power) / open_area;
       const double within = variation[child];
       variance += hierarchy[child].area * open[child] / open_area * (deviation * deviation + within * within);
     }
   }
   variation[e] = std::sqrt(variance);
+}
+
+double Light::DeviationOfChild(Index parent, Index child) const {
+  const std::size_t count = basis.count();
+  std::array<Rgb, kMostInBasis> pushed;
+  pushed.fill(Rgb::Zero());
+  PushTo(basis, child, ShootingPolynomial(parent), pushed);
+  double square = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    const double difference = Luminance(shooting_coefficients[count * child + k] - pushed[k]);
+    square += difference * difference;
+  }
+  return std::sqrt(square);
 }
 
 void Light::PullClusters(const Hierarchy& hierarchy) {
@@ -139,6 +179,21 @@ void Light::PullOpen(const Hierarchy& hierarchy) {
 }
 
 void Light::Extend(const Hierarchy& hierarchy) {
+  const std::size_t count = basis.count();
+  if (count > 1) {
+    basis.Extend(hierarchy);
+    const std::size_t known = shooting_coefficients.size() / count;
+    shooting_coefficients.resize(count * hierarchy.size(), Rgb::Zero());
+    lighting_coefficients.resize(count * hierarchy.size(), Rgb::Zero());
+    for (auto e = static_cast<Index>(known); e < hierarchy.size(); ++e) {
+      const Coefficients own = std::span(shooting_coefficients).subspan(count * e, count);
+      if (const Index parent = hierarchy[e].parent; parent == kNone) {
+        own[0] = hierarchy.PatchOf(e).emission;
+      } else {
+        PushTo(basis, e, ShootingPolynomial(parent), own);
+      }
+    }
+  }
   radiosity.reserve(hierarchy.size());
   for (auto e = static_cast<Index>(radiosity.size()); e < hierarchy.size(); ++e) {
     const Index parent = hierarchy[e].parent;

@@ -1,10 +1,12 @@
-/// The light on the element hierarchy, in constants: one value a node, each the mean of its children by area.
+/// The light on the element hierarchy: a mean for each node, that of its children by area, and in a higher
+/// basis a polynomial.
 #pragma once
 
 #include <array>
 #include <span>
 #include <vector>
 
+#include "solver/hierarchy/basis.h"
 #include "solver/hierarchy/hierarchy.h"
 
 namespace radbake {
@@ -36,12 +38,18 @@ struct ClusterRadiosity {
 ClusterRadiosity RadiosityOf(const Hierarchy& hierarchy, const Openness& openness, Index cluster,
                              std::span<const Rgb> shooting);
 
+/// Fills in an element's coefficients of φ_1 … from its children's (K an element). Its mean, and what the
+/// children hold, must be there; a child without an open part counts as the mean.
+void PullCoefficients(const Hierarchy& hierarchy, const Basis& basis, std::span<const double> open,
+                      Index element, std::span<Rgb> coefficients);
+
 /// Indexed by element, in normalised units.
 struct Light {
-  std::vector<Rgb> radiosity;   ///< B = π·L_e + ρ·E
-  std::vector<Rgb> irradiance;  ///< E, from the links of the element, its ancestors and its descendants
-  std::vector<double>
-      variation;  ///< RMS deviation of the leaves' luminous radiosity from the mean of the open part
+  Basis basis;
+  std::vector<Rgb> radiosity;     ///< B = π·L_e + ρ·E
+  std::vector<Rgb> irradiance;    ///< E, from the links of the element, its ancestors and its descendants
+  std::vector<double> variation;  ///< RMS deviation of the leaves' luminous radiosity from the mean of the
+                                  ///< open part, or from the polynomial
   /// Share of the element that any light can reach, in [0, 1]; what lies sealed under a box has none. An
   /// element's irradiance falls on its open part alone, and only that shoots.
   std::vector<double> open;
@@ -56,6 +64,18 @@ struct Light {
     const Index as = seen_as[element];
     return open[as] > 0 ? Rgb(radiosity[as] / open[as]) : Rgb::Zero();
   }
+
+  // If K > 1, K coefficients an element. Leaves that are not all open have their mean alone.
+  std::vector<Rgb> shooting_coefficients;  ///< radiosity of the open part
+  std::vector<Rgb> lighting_coefficients;  ///< E; of leaves only
+  ConstCoefficients ShootingPolynomial(Index element) const {
+    return std::span(shooting_coefficients).subspan(basis.count() * element, basis.count());
+  }
+  ConstCoefficients LightingPolynomial(Index leaf) const {
+    return std::span(lighting_coefficients).subspan(basis.count() * leaf, basis.count());
+  }
+  /// Has it a polynomial of degree 1 or more, for who looks at the solution?
+  bool IsShaped(Index element) const { return basis.count() > 1 && seen_as[element] == element; }
 
   std::vector<Rgb> punctual;  ///< intensities, by light: see PunctualLight
   // By cluster:
@@ -78,6 +98,7 @@ struct Light {
 
  private:
   void PullElement(const Hierarchy& hierarchy, Index element);
+  double DeviationOfChild(Index parent, Index child) const;
   void PullClusters(const Hierarchy& hierarchy);
 };
 

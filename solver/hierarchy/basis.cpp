@@ -1,0 +1,224 @@
+#include "solver/hierarchy/basis.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace radbake {
+namespace {
+
+/// 1, u, v, u², u·v, v²
+std::array<double, 6> Monomials(double u, double v) {
+  return {1, u, v, u * u, u * v, v * v};
+}
+
+double Dot(const std::array<double, 6>& a, const std::array<double, 6>& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    sum += a[i] * b[i];
+  }
+  return sum;
+}
+
+}  // namespace
+
+void Quadrature::AddTriangle(const Polygon& triangle, double a, double weight) {
+  for (int k = 0; k < 3; ++k) {
+    points_[count_++] = {(1 - 2 * a) * triangle[k] + a * (triangle[(k + 1) % 3] + triangle[(k + 2) % 3]),
+                         weight};
+  }
+}
+
+Quadrature::Quadrature(const Polygon& element, std::size_t count) {
+  const bool quadratic = count > BasisCount(BasisOrder::kLinear);
+  if (count == 1) {
+    points_[count_++] = {element.Centroid(), 1};
+    return;
+  }
+  if (element.count == 3) {
+    if (quadratic) {
+      AddTriangle(element, 0.445948490915964886, 0.223381589678011466);
+      AddTriangle(element, 0.091576213509770743, 0.109951743655321868);
+    } else {
+      AddTriangle(element, 1.0 / 6, 1.0 / 3);
+    }
+    return;
+  }
+  // Of degree 2·degree + 1 in each of the bilinear coordinates, the Jacobian included.
+  const double off = quadratic ? std::sqrt(0.15) : std::sqrt(1.0 / 12);
+  const std::array<double, 3> node = {0.5 - off, 0.5 + off, 0.5};
+  const std::array<double, 3> share = {5.0 / 18, 5.0 / 18, 8.0 / 18};
+  const std::size_t nodes = quadratic ? 3 : 2;
+  double sum = 0;
+  for (std::size_t i = 0; i < nodes; ++i) {
+    for (std::size_t j = 0; j < nodes; ++j) {
+      const double s = node[i];
+      const double t = node[j];
+      const Vec3 along_s = (1 - t) * (element[1] - element[0]) + t * (element[2] - element[3]);
+      const Vec3 along_t = (1 - s) * (element[3] - element[0]) + s * (element[2] - element[1]);
+      const Vec3 x = element[0] + s * (element[1] - element[0]) + t * (1 - s) * (element[3] - element[0]) +
+                     t * s * (element[2] - element[1]);
+      const double weight = (quadratic ? share[i] * share[j] : 0.25) * along_s.cross(along_t).norm();
+      points_[count_++] = {x, weight};
+      sum += weight;
+    }
+  }
+  for (std::size_t k = 0; k < count_; ++k) {
+    points_[k].weight = sum > 0 ? points_[k].weight / sum : 1 / static_cast<double>(count_);
+  }
+}
+
+ElementBasis::ElementBasis(const Polygon& element, std::size_t count) : count_(count), more_{} {
+  const Quadrature rule(element, count);
+  const Vec3 corner = element[0];
+  Vec3 longest = Vec3::Zero();
+  for (int k = 0; k < element.count; ++k) {
+    const Vec3 edge = element[(k + 1) % element.count] - element[k];
+    longest = edge.squaredNorm() > longest.squaredNorm() ? edge : longest;
+  }
+  origin_ = Vec3::Zero();
+  for (const QuadraturePoint& point : rule.points()) {
+    origin_ += point.weight * (point.x - corner);
+  }
+  origin_ += corner;
+  const double length = longest.norm();
+  if (count == 1 || !(length > 0)) {
+    return;
+  }
+  // Cholesky's factor of the covariance in the axes along and across the longest edge.
+  const Vec3 along = longest / length;
+  const Vec3 across = element.normal.cross(along);
+  double aa = 0;
+  double ab = 0;
+  double bb = 0;
+  for (const QuadraturePoint& point : rule.points()) {
+    const double a = along.dot(point.x - origin_);
+    const double b = across.dot(point.x - origin_);
+    aa += point.weight * a * a;
+    ab += point.weight * a * b;
+    bb += point.weight * b * b;
+  }
+  constexpr double kThin = 1e-12;  // aspects squared
+  const double rest = aa > 0 ? bb - ab * ab / aa : 0;
+  if (!(aa > 0)) {
+    return;
+  }
+  u_ = along / std::sqrt(aa);
+  if (!(rest > kThin * aa)) {
+    return;
+  }
+  v_ = (across - ab / aa * along) / std::sqrt(rest);
+  if (count <= BasisCount(BasisOrder::kLinear)) {
+    return;
+  }
+  // Gram and Schmidt, twice for the digits: on the rule's points, where sums are integrals.
+  for (std::size_t k = 0; k < more_.size(); ++k) {
+    std::array<double, 6>& poly = more_[k];
+    poly[3 + k] = 1;
+    const auto remove = [&](const std::array<double, 6>& known) {
+      double overlap = 0;
+      for (const QuadraturePoint& point : rule.points()) {
+        const auto m = Monomials(u_.dot(point.x - origin_), v_.dot(point.x - origin_));
+        overlap += point.weight * Dot(poly, m) * Dot(known, m);
+      }
+      for (std::size_t i = 0; i < poly.size(); ++i) {
+        poly[i] -= overlap * known[i];
+      }
+    };
+    for (int pass = 0; pass < 2; ++pass) {
+      remove({1});
+      remove({0, 1});
+      remove({0, 0, 1});
+      for (std::size_t earlier = 0; earlier < k; ++earlier) {
+        remove(more_[earlier]);
+      }
+    }
+    double square = 0;
+    for (const QuadraturePoint& point : rule.points()) {
+      const auto m = Monomials(u_.dot(point.x - origin_), v_.dot(point.x - origin_));
+      square += point.weight * Dot(poly, m) * Dot(poly, m);
+    }
+    for (double& coefficient : poly) {
+      coefficient /= std::sqrt(square);
+    }
+  }
+}
+
+BasisValues ElementBasis::At(const Vec3& x) const {
+  BasisValues values{1};
+  if (count_ > 1) {
+    values[1] = u_.dot(x - origin_);
+    values[2] = v_.dot(x - origin_);
+  }
+  if (count_ > BasisCount(BasisOrder::kLinear)) {
+    const auto m = Monomials(values[1], values[2]);
+    for (std::size_t k = 0; k < more_.size(); ++k) {
+      values[3 + k] = Dot(more_[k], m);
+    }
+  }
+  return values;
+}
+
+void Basis::Extend(const Hierarchy& hierarchy) {
+  if (count_ == 1) {
+    return;
+  }
+  const std::size_t size = count_ * count_;
+  elements_.reserve(hierarchy.size());
+  two_scale_.resize(size * hierarchy.size());
+  for (auto e = static_cast<Index>(elements_.size()); e < hierarchy.size(); ++e) {
+    const Polygon shape = hierarchy.Shape(e);
+    elements_.emplace_back(shape, count_);
+    const Index parent = hierarchy[e].parent;
+    if (parent == kNone) {
+      continue;
+    }
+    const Quadrature rule(shape, count_);
+    for (const QuadraturePoint& point : rule.points()) {
+      const BasisValues above = elements_[parent].At(point.x);
+      const BasisValues here = elements_[e].At(point.x);
+      for (std::size_t k = 0; k < count_; ++k) {
+        for (std::size_t l = 0; l < count_; ++l) {
+          two_scale_[size * e + count_ * k + l] += point.weight * above[k] * here[l];
+        }
+      }
+    }
+  }
+}
+
+void PushTo(const Basis& basis, Index child, ConstCoefficients parent, Coefficients coefficients) {
+  const std::size_t count = basis.count();
+  const std::span<const double> two_scale = basis.TwoScale(child);
+  for (std::size_t k = 0; k < count; ++k) {
+    for (std::size_t l = 0; l < count; ++l) {
+      coefficients[l] += two_scale[count * k + l] * parent[k];
+    }
+  }
+}
+
+void PullFrom(const Basis& basis, Index child, double share, ConstCoefficients child_coefficients,
+              Coefficients parent) {
+  const std::size_t count = basis.count();
+  const std::span<const double> two_scale = basis.TwoScale(child);
+  for (std::size_t k = 0; k < count; ++k) {
+    for (std::size_t l = 0; l < count; ++l) {
+      parent[k] += share * two_scale[count * k + l] * child_coefficients[l];
+    }
+  }
+}
+
+void KeepPositive(const ElementBasis& basis, const Polygon& element, Coefficients coefficients) {
+  Rgb lowest = coefficients[0];
+  const auto look = [&](const Vec3& x) { lowest = lowest.min(Evaluate(coefficients, basis.At(x))); };
+  for (int k = 0; k < element.count; ++k) {
+    look(element[k]);
+    look(0.5 * (element[k] + element[(k + 1) % element.count]));
+  }
+  look(element.Centroid());
+  const Rgb mean = coefficients[0];
+  const Rgb share = (lowest < 0).select(mean / (mean - lowest).max(1e-300), 1.0);
+  for (Rgb& coefficient : coefficients.subspan(1)) {
+    coefficient *= share;
+  }
+}
+
+}  // namespace radbake
