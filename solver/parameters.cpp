@@ -26,6 +26,9 @@ constexpr std::array kMethods{std::pair{std::string_view{"matrix"}, Method::kMat
                               std::pair{std::string_view{"two-level"}, Method::kTwoLevel},
                               std::pair{std::string_view{"hierarchical"}, Method::kHierarchical},
                               std::pair{std::string_view{"adaptive"}, Method::kAdaptive}};
+constexpr std::array kBases{std::pair{std::string_view{"constant"}, BasisOrder::kConstant},
+                            std::pair{std::string_view{"linear"}, BasisOrder::kLinear},
+                            std::pair{std::string_view{"quadratic"}, BasisOrder::kQuadratic}};
 constexpr std::array kClusterings{std::pair{std::string_view{"auto"}, Clustering::kAuto},
                                   std::pair{std::string_view{"on"}, Clustering::kOn},
                                   std::pair{std::string_view{"off"}, Clustering::kOff}};
@@ -124,9 +127,10 @@ constexpr std::array kSpecs{
         "which nodes are linked: every two leaves, patches to elements, by form factor, or by energy",
         [](const Json& value, Parameters& p) { return ReadWord<Method>(value, kMethods, p.method); },
         [](const Parameters& p) { return WriteWord<Method>(kMethods, p.method); }},
-    ParameterSpec{"basis", "constant", "order of the basis",
-                  [](const Json& value, Parameters&) { return value == "constant"; },
-                  [](const Parameters&) { return Json("constant"); }},
+    ParameterSpec{
+        "basis", "constant, linear or quadratic", "order of the basis: what the solution is over an element",
+        [](const Json& value, Parameters& p) { return ReadWord<BasisOrder>(value, kBases, p.basis); },
+        [](const Parameters& p) { return WriteWord<BasisOrder>(kBases, p.basis); }},
     ParameterSpec{"clustering", "auto, on or off",
                   "clusters above patches; auto: where there are many patches",
                   [](const Json& value, Parameters& p) {

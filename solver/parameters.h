@@ -7,6 +7,7 @@
 #include <span>
 #include <string_view>
 
+#include "solver/hierarchy/basis_order.h"
 #include "solver/scene/types.h"
 
 namespace radbake {
@@ -35,6 +36,7 @@ struct Parameters {
   double error = 0.02;                ///< 0.001 to 0.5: target of the relative RMS error
   std::optional<double> time_budget;  ///< seconds, above 0
   Method method = Method::kAdaptive;
+  BasisOrder basis = BasisOrder::kConstant;
   Clustering clustering = Clustering::kAuto;
   FinalGather final_gather = FinalGather::kAuto;
   std::optional<double> exposure;  ///< nothing: auto

@@ -103,6 +103,7 @@ SolveOptions OptionsOf(const Parameters& parameters) {
   options.refinement = by_method.refinement;
   options.a_min =
       parameters.oracle.a_min.value_or(std::clamp(by_method.a_min_per_error * parameters.error, 1e-8, 1e-2));
+  options.basis = parameters.basis;
   options.gradient = std::clamp(5 * parameters.error, 0.02, 1.0);
   options.f_max = parameters.oracle.f_max.value_or(std::clamp(parameters.error, 1e-3, 0.5));
   options.w_min = parameters.oracle.w_min.value_or(std::clamp(0.005 * parameters.error, 1e-8, 1e-2));

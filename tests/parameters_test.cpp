@@ -29,6 +29,7 @@ TEST(Parameters, TakeDefaultsForAnEmptyObject) {
   EXPECT_EQ(parameters.error, 0.02);
   EXPECT_FALSE(parameters.time_budget);
   EXPECT_EQ(parameters.method, Method::kAdaptive);
+  EXPECT_EQ(parameters.basis, BasisOrder::kConstant);
   EXPECT_EQ(parameters.final_gather, FinalGather::kAuto);
   EXPECT_FALSE(parameters.exposure);
   EXPECT_TRUE((parameters.environment == 0).all());
@@ -37,12 +38,13 @@ TEST(Parameters, TakeDefaultsForAnEmptyObject) {
 
 TEST(Parameters, TakeEveryKeyThatIsBuilt) {
   const Parameters parameters = ParseParameters(R"({
-    "error": 0.05, "time_budget": 30, "method": "hierarchical", "basis": "constant", "clustering": "off",
+    "error": 0.05, "time_budget": 30, "method": "hierarchical", "basis": "linear", "clustering": "off",
     "final_gather": "on", "output": {"kind": "vertex", "exposure": 2.5},
     "environment": {"radiance": [0, 0.5, 1e18]}, "oracle": {"a_min": 1e-4, "f_max": 0.1, "w_min": 1e-5}, "check": 0})");
   EXPECT_EQ(parameters.error, 0.05);
   EXPECT_EQ(parameters.time_budget, 30);
   EXPECT_EQ(parameters.method, Method::kHierarchical);
+  EXPECT_EQ(parameters.basis, BasisOrder::kLinear);
   EXPECT_EQ(parameters.final_gather, FinalGather::kOn);
   EXPECT_EQ(parameters.exposure, 2.5);
   EXPECT_TRUE((parameters.environment == Rgb(0, 0.5, 1e18)).all());
@@ -53,14 +55,14 @@ TEST(Parameters, TakeEveryKeyThatIsBuilt) {
 }
 
 TEST(Parameters, TakeBackWhatTheyWrite) {
-  for (const std::string_view json :
-       {R"({})",
-        R"({"error": 0.125, "time_budget": 3, "method": "hierarchical", "final_gather": "on", "check": 7,
+  for (
+      const std::string_view json :
+      {R"({})",
+       R"({"error": 0.125, "time_budget": 3, "method": "hierarchical", "basis": "quadratic", "final_gather": "on", "check": 7,
             "output": {"exposure": 0.5}, "environment": {"radiance": [1, 0.25, 0]}, "oracle": {"a_min": 0.001, "f_max": 0.25, "w_min": 0.5}})"}) {
     const nlohmann::ordered_json written = ToJson(ParseParameters(json));
     EXPECT_EQ(ToJson(ParseParameters(written.dump())), written);
     EXPECT_EQ(written["output"]["kind"], "vertex");
-    EXPECT_EQ(written["basis"], "constant");
   }
 }
 
@@ -82,7 +84,8 @@ TEST(Parameters, NameTheKeyAndWhatItTakesWhenAValueIsNotTaken) {
            {R"({"time_budget": true})", "time_budget", "seconds above 0"},
            {R"({"method": "best"})", "method", "matrix, two-level, hierarchical or adaptive"},
            {R"({"method": 1})", "method", "matrix, two-level, hierarchical or adaptive"},
-           {R"({"basis": "linear"})", "basis", "takes constant"},
+           {R"({"basis": "cubic"})", "basis", "takes constant, linear or quadratic"},
+           {R"({"basis": 1})", "basis", "takes constant, linear or quadratic"},
            {R"({"clustering": "sometimes"})", "clustering", "auto, on or off"},
            {R"({"final_gather": true})", "final_gather", "auto or on"},
            {R"({"output": {"kind": "lightmap"}})", "output.kind", "takes vertex"},

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "solver/transport/coupling.h"
 #include "solver/transport/node_transport.h"
 #include "solver/transport/sampling.h"
 
@@ -74,8 +75,8 @@ bool Gatherer::IsSealed(const Vec3& x, Index leaf) const {
 Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale, QuasiRandom<2>& on_polygon,
                     QuasiRandom<3>& on_cluster, std::uint64_t& key) const {
   const bool self = link.receiver == link.shooter;
-  const Rgb shooting = self ? light_.cluster_radiosity[link.shooter - kFirstCluster].mean
-                            : light_.Shooting(hierarchy_, link.shooter, x);
+  const Rgb shooting =
+      self ? light_.cluster_radiosity[link.shooter - kFirstCluster].mean : Shooting(link.shooter, x, n);
   const double brightness = Luminance(shooting) / scale;
   // A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters.
   // Hundreds of links that hardly matter may err the same way, as in a cavity of a cluster: a few of them
@@ -113,9 +114,23 @@ Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale
   return expected + (seen - expected) / chance;
 }
 
-Rgb Gatherer::Solved(Index leaf) const {
+Rgb Gatherer::Shooting(Index shooter, const Vec3& x, const Vec3& n) const {
+  if (!IsElement(shooter) || !light_.IsShaped(shooter)) {
+    return light_.Shooting(hierarchy_, shooter, x);
+  }
+  const BasisEnd end(hierarchy_, light_.basis, shooter);
+  return Evaluate(light_.ShootingPolynomial(shooter), SeenFrom(x, n, end)).max(0.0);
+}
+
+Rgb Gatherer::Solved(Index leaf, const Vec3& x) const {
   const double open = light_.open[leaf];
-  return open > 0 ? Rgb(light_.irradiance[leaf] / open) : Rgb::Zero();
+  if (!(open > 0)) {
+    return Rgb::Zero();
+  }
+  if (light_.basis.count() > 1 && open == 1) {
+    return Evaluate(light_.LightingPolynomial(leaf), light_.basis.At(leaf, x)).max(0.0);
+  }
+  return light_.irradiance[leaf] / open;
 }
 
 Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {

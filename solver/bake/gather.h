@@ -29,8 +29,9 @@ class Gatherer {
   /// Does no light get to `x` in `leaf`, as under a body that stands there (Visibility::IsSealed)?
   bool IsSealed(const Vec3& x, Index leaf) const;
 
-  /// The solution's own irradiance of `leaf`, normalised, for want of time: a constant, without a ray.
-  Rgb Solved(Index leaf) const;
+  /// The solution's own irradiance of `leaf` at `x`, normalised, for want of time: a constant or a
+  /// polynomial, without a ray.
+  Rgb Solved(Index leaf, const Vec3& x) const;
 
   /// Irradiance, normalised, at `x` inside `leaf` = SolverLeaf(…, x). `x` must not lie on the leaf's outline.
   /// `key` seeds the shadow rays.
@@ -40,6 +41,9 @@ class Gatherer {
   /// What one link brings to `x`. `scale`: luminous irradiance that is worth all of GatherOptions::rays.
   Rgb Along(const Link& link, const Vec3& x, const Vec3& n, double scale, QuasiRandom<2>& on_polygon,
             QuasiRandom<3>& on_cluster, std::uint64_t& key) const;
+
+  /// What `x` sees of a shooter on the whole.
+  Rgb Shooting(Index shooter, const Vec3& x, const Vec3& n) const;
 
   const Hierarchy& hierarchy_;
   const Light& light_;

@@ -213,7 +213,8 @@ bool OutputMesh::GatherVertices(const std::function<bool()>& stop, Source source
         continue;
       }
       seen.push_back(leaf);
-      sum += source == Source::kRays ? gatherer_.Irradiance(x, leaf, Hash(vertex)) : gatherer_.Solved(leaf);
+      sum +=
+          source == Source::kRays ? gatherer_.Irradiance(x, leaf, Hash(vertex)) : gatherer_.Solved(leaf, x);
     }
     sealed_[vertex] = sealed && seen.empty() ? 1 : 0;
     irradiance_[vertex] = seen.empty() ? sum : sum / static_cast<double>(seen.size());
@@ -237,7 +238,7 @@ bool OutputMesh::GatherCentres(const std::function<bool()>& stop, Source source)
     const Vec3 x = centre + kOff * (0.6 * (shape[0] - centre) + 0.4 * (shape[1] - centre));
     const Index leaf = gatherer_.SolverLeaf(e, x);
     if (source == Source::kSolution) {
-      centre_[e] = gatherer_.Solved(leaf);
+      centre_[e] = gatherer_.Solved(leaf, x);
       return;
     }
     sealed_centre_[e] = gatherer_.IsSealed(x, leaf) ? 1 : 0;

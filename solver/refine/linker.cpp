@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "solver/transport/coupling.h"
 #include "solver/transport/form_factor.h"
 #include "solver/transport/node_transport.h"
 #include "solver/transport/sampling.h"
@@ -53,23 +54,39 @@ void Take(const SampledVisibility& sampled, Link& link) {
 
 }  // namespace
 
-void Linker::MeasureVariation(Link& link, const Polygon& receiver, const Polygon& shooter) const {
+template <typename Kernel>
+double Linker::Variation(Index receiver, const Vec3& nearest, const Kernel& kernel) const {
   // A hair inside, since the limit at a shared edge depends on the side that one comes from.
   constexpr double kInside = 1e-4;
-  const Vec3 centroid = receiver.Centroid();
-  double low = PointToPolygon(centroid, receiver.normal, shooter);
+  const Polygon shape = hierarchy_.Shape(receiver);
+  const Vec3 centroid = shape.Centroid();
+  BasisValues moments{};
+  if (basis_.count() > 1) {
+    moments = MomentsOver({hierarchy_, basis_, receiver}, kernel);
+  }
+  const auto left_over = [&](const Vec3& x) {
+    double value = kernel(x);
+    if (basis_.count() > 1) {
+      const BasisValues values = basis_[receiver].At(x);
+      for (std::size_t i = 1; i < basis_.count(); ++i) {
+        value -= moments[i] * values[i];
+      }
+    }
+    return value;
+  };
+  double low = left_over(centroid);
   double high = low;
   const auto look = [&](const Vec3& x) {
-    const double f = PointToPolygon(x + kInside * (centroid - x), receiver.normal, shooter);
-    low = std::min(low, f);
-    high = std::max(high, f);
+    const double value = left_over(x + kInside * (centroid - x));
+    low = std::min(low, value);
+    high = std::max(high, value);
   };
-  for (int k = 0; k < receiver.count; ++k) {
-    look(receiver[k]);
+  for (int k = 0; k < shape.count; ++k) {
+    look(shape[k]);
   }
   // A small shooter close above a large receiver is seen from below it alone.
-  look(NearestPoint(receiver, shooter.Centroid()));
-  link.variation = static_cast<float>(high - low);
+  look(nearest);
+  return high - low;
 }
 
 void Linker::Measure(Link& link) const {
@@ -100,7 +117,9 @@ void Linker::MeasureElements(Link& link) const {
   if (!(link.form_factor > 0)) {
     return;
   }
-  MeasureVariation(link, receiver, shooter);
+  link.variation = static_cast<float>(
+      Variation(link.receiver, NearestPoint(receiver, shooter.Centroid()),
+                [&](const Vec3& x) { return PointToPolygon(x, receiver.normal, shooter); }));
   link.clear = link.clear || visibility_.Clear(receiver, shooter);
   if (link.clear) {
     link.visibility = link.judged = 1;
@@ -114,6 +133,13 @@ void Linker::MeasureNodes(Link& link) const {
       BetweenNodes(hierarchy_, visibility_, link.receiver, link.shooter, KeyOf(link), rays_);
   link.form_factor = static_cast<float>(sampled.form_factor);
   link.variation = static_cast<float>(sampled.variation);
+  if (basis_.count() > 1 && IsElement(link.receiver) && IsPunctual(link.shooter)) {
+    const Polygon receiver = hierarchy_.Shape(link.receiver);
+    const PunctualLight& light = hierarchy_.patches().lights[link.shooter - kFirstPunctual];
+    link.variation = static_cast<float>(
+        Variation(link.receiver, NearestPoint(receiver, light.position),
+                  [&](const Vec3& x) { return UnoccludedAt(hierarchy_, x, receiver.normal, link.shooter); }));
+  }
   link.clear = IsElement(link.receiver) && IsPunctual(link.shooter) &&
                (link.clear || ClearToLight(visibility_, hierarchy_.Shape(link.receiver),
                                            hierarchy_.patches().lights[link.shooter - kFirstPunctual]));
@@ -125,6 +151,7 @@ void Linker::MeasureNodes(Link& link) const {
 }
 
 void Linker::LinkRoots() {
+  basis_.Extend(hierarchy_);
   const auto surfaces = static_cast<Index>(hierarchy_.surface_root_count());
   const auto count = static_cast<Index>(hierarchy_.root_count());
   const auto lights = static_cast<Index>(hierarchy_.patches().lights.size());
@@ -232,6 +259,7 @@ std::size_t Linker::Refine(const Oracle& oracle, const std::function<bool()>& st
       ++replaced;
       Replace(link, decisions[k], next);
     }
+    basis_.Extend(hierarchy_);
     if (!MeasureAll(next, stop)) {
       kept.resize(kept_before);
       kept.insert(kept.end(), open.begin(), open.end());

@@ -4,6 +4,7 @@
 
 #include <functional>
 
+#include "solver/hierarchy/basis.h"
 #include "solver/refine/oracle.h"
 #include "solver/transport/visibility.h"
 
@@ -11,9 +12,11 @@ namespace radbake {
 
 class Linker {
  public:
-  /// `visibility_rays`: cast for a link that no shaft proves clear.
-  Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibility_rays)
-      : hierarchy_(hierarchy), visibility_(visibility), rays_(visibility_rays) {}
+  /// `visibility_rays`: cast for a link that no shaft proves clear. `order`: of the basis, which says what of
+  /// the form factor's variation is left over.
+  Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibility_rays,
+         BasisOrder order = BasisOrder::kConstant)
+      : hierarchy_(hierarchy), visibility_(visibility), rays_(visibility_rays), basis_(order) {}
 
   /// Links every two patches that face one another, and each patch to every light; or, with clusters, the
   /// root cluster to itself, to the sky and to every light.
@@ -35,12 +38,15 @@ class Linker {
   bool MeasureAll(std::span<Link> links, const std::function<bool()>& stop);
   void MeasureElements(Link& link) const;
   void MeasureNodes(Link& link) const;
-  void MeasureVariation(Link& link, const Polygon& receiver, const Polygon& shooter) const;
+  /// Of `kernel` over the receiver, whose point next to the shooter is `nearest`.
+  template <typename Kernel>
+  double Variation(Index receiver, const Vec3& nearest, const Kernel& kernel) const;
   void Replace(const Link& link, Decision decision, std::vector<Link>& next);
 
   Hierarchy& hierarchy_;
   const Visibility& visibility_;
   int rays_;
+  Basis basis_;
   Links links_;
   std::size_t measured_ = 0;
 };

@@ -14,7 +14,8 @@ struct Link {
   Index receiver = 0;
   Index shooter = 0;
   float form_factor = 0;  ///< F from receiver to shooter, unoccluded; from a light, irradiance per intensity
-  float variation = 0;    ///< largest difference of the point-to-shooter form factor over the receiver
+  float variation = 0;    ///< largest difference of the point-to-shooter form factor over the receiver, less
+                          ///< what a higher basis explains of it
   float visibility = 1;   ///< share of the light that is not blocked, sampled
   float judged = 1;       ///< the same from other rays, for oracles: see SampledVisibility
   bool clear = false;     ///< proved unoccluded

@@ -30,34 +30,42 @@ void ForEachWithin(const Hierarchy& hierarchy, Index e, const Visit& visit) {
   }
 }
 
-Eigen::Index Column(std::size_t leaf) {
-  return static_cast<Eigen::Index>(leaf);
-}
-
 }  // namespace
 
 RadiosityOperator::RadiosityOperator(const Hierarchy& hierarchy, const Links& links, const Rows& rows,
-                                     const Light& light)
-    : hierarchy_(hierarchy), links_(links), rows_(rows), light_(light) {
-  const std::size_t count = rows.leaves().size();
-  emission_.resize(3, Column(count));
-  reflectance_.resize(3, Column(count));
-  areas_.resize(Column(count));
-  for (std::size_t k = 0; k < count; ++k) {
+                                     const Couplings& couplings, const Light& light)
+    : hierarchy_(hierarchy),
+      links_(links),
+      rows_(rows),
+      couplings_(couplings),
+      light_(light),
+      count_(light.basis.count()) {
+  const std::size_t leaves = rows.leaves().size();
+  emission_ = LeafValues::Zero(3, Column(leaves));
+  reflectance_.resize(3, Column(leaves));
+  areas_.resize(Column(leaves));
+  for (std::size_t k = 0; k < leaves; ++k) {
     const Index leaf = rows.leaves()[k];
     // What a sealed part emits stays where it is: only the open one shoots.
     emission_.col(Column(k)) = light.open[leaf] * hierarchy.PatchOf(leaf).emission;
-    reflectance_.col(Column(k)) = hierarchy.PatchOf(leaf).reflectance;
-    areas_[Column(k)] = hierarchy[leaf].area;
+    for (Eigen::Index column = Column(k); column < Column(k + 1); ++column) {
+      reflectance_.col(column) = hierarchy.PatchOf(leaf).reflectance;
+      areas_[column] = hierarchy[leaf].area;
+    }
   }
   distant_ = Collect(Distant());
   emission_ += reflectance_ * distant_;
 }
 
 LeafValues RadiosityOperator::Radiosity(const Light& light) const {
-  LeafValues radiosity(3, size());
+  LeafValues radiosity = LeafValues::Zero(3, size());
   for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
-    radiosity.col(Column(k)) = light.radiosity[rows_.leaves()[k]];
+    const Index leaf = rows_.leaves()[k];
+    radiosity.col(Column(k)) = light.radiosity[leaf];
+    for (std::size_t i = 1; i < count_ && light.open[leaf] == 1; ++i) {
+      radiosity.col(Column(k) + static_cast<Eigen::Index>(i)) =
+          light.shooting_coefficients[count_ * leaf + i];
+    }
   }
   return radiosity;
 }
@@ -95,6 +103,22 @@ RadiosityOperator::Shooters RadiosityOperator::Surfaces(const LeafValues& radios
   for (std::size_t e = 0; e < elements.size(); ++e) {
     const double open = light_.open[e];
     elements[e] = open > 0 ? Rgb(elements[e] / open) : Rgb::Zero();
+  }
+  if (count_ > 1) {
+    std::vector<Rgb>& coefficients = shooters.coefficients;
+    coefficients.assign(count_ * hierarchy_.size(), Rgb::Zero());
+    for (std::size_t e = 0; e < elements.size(); ++e) {
+      coefficients[count_ * e] = elements[e];
+    }
+    for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
+      for (std::size_t i = 1; i < count_; ++i) {
+        coefficients[count_ * rows_.leaves()[k] + i] =
+            radiosity.col(Column(k) + static_cast<Eigen::Index>(i));
+      }
+    }
+    ForEachParent(hierarchy_, [&](Index e, Index /*first*/) {
+      PullCoefficients(hierarchy_, light_.basis, light_.open, e, coefficients);
+    });
   }
   shooters.clusters.resize(hierarchy_.clusters().size());
   tbb::parallel_for(std::size_t{0}, shooters.clusters.size(), [&](std::size_t c) {
@@ -162,22 +186,55 @@ std::vector<Rgb> RadiosityOperator::PushToPatches(const std::vector<RgbCosineSum
   return irradiance;
 }
 
+std::vector<Rgb> RadiosityOperator::CollectShaped(const Shooters& shooters) const {
+  if (shooters.coefficients.empty()) {
+    return {};
+  }
+  std::vector<Rgb> shaped(count_ * hierarchy_.size(), Rgb::Zero());
+  const auto own = [&](Index e) { return std::span(shaped).subspan(count_ * e, count_); };
+  tbb::parallel_for(Index{0}, static_cast<Index>(hierarchy_.size()),
+                    [&](Index e) { couplings_.Gather(links_, e, shooters.coefficients, own(e)); });
+  for (Index e = 0; e < hierarchy_.size(); ++e) {
+    if (const Index parent = hierarchy_[e].parent; parent != kNone) {
+      PushTo(light_.basis, e, own(parent), own(e));
+    }
+  }
+  return shaped;
+}
+
 LeafValues RadiosityOperator::Collect(const Shooters& shooters) const {
   const std::vector<Rgb> from_clusters = PushToPatches(CollectOnClusters(shooters));
+  const std::vector<Rgb> shaped = CollectShaped(shooters);
   LeafValues irradiance(3, size());
   constexpr std::size_t kGrain = 64;
-  tbb::parallel_for(
-      tbb::blocked_range<std::size_t>(0, rows_.leaves().size(), kGrain), [&](const auto& range) {
-        for (std::size_t k = range.begin(); k != range.end(); ++k) {
-          const Index leaf = rows_.leaves()[k];
-          Rgb sum = light_.open[leaf] * from_clusters[hierarchy_[leaf].patch];
-          const Vec3 centre = hierarchy_.Centre(leaf);
-          for (const Gathered& entry : rows_[k]) {
-            sum += static_cast<double>(entry.weight) * Shooting(shooters, entry.shooter, centre);
-          }
-          irradiance.col(Column(k)) = sum;
-        }
-      });
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, rows_.leaves().size(), kGrain),
+                    [&](const auto& range) {
+                      for (std::size_t k = range.begin(); k != range.end(); ++k) {
+                        const Index leaf = rows_.leaves()[k];
+                        Rgb sum = light_.open[leaf] * from_clusters[hierarchy_[leaf].patch];
+                        const Vec3 centre = hierarchy_.Centre(leaf);
+                        std::array<Rgb, kMostInBasis> moments;
+                        moments.fill(Rgb::Zero());
+                        const float* moment = rows_.Moments(k).data();
+                        for (const Gathered& entry : rows_[k]) {
+                          const Rgb shooting = Shooting(shooters, entry.shooter, centre);
+                          sum += static_cast<double>(entry.weight) * shooting;
+                          for (std::size_t i = 1; i < count_; ++i) {
+                            moments[i] += static_cast<double>(*moment++) * shooting;
+                          }
+                        }
+                        if (!shaped.empty()) {
+                          sum += light_.open[leaf] * shaped[count_ * leaf];
+                          for (std::size_t i = 1; i < count_ && light_.open[leaf] == 1; ++i) {
+                            moments[i] += shaped[count_ * leaf + i];
+                          }
+                        }
+                        irradiance.col(Column(k)) = sum;
+                        for (std::size_t i = 1; i < count_; ++i) {
+                          irradiance.col(Column(k) + static_cast<Eigen::Index>(i)) = moments[i];
+                        }
+                      }
+                    });
   return irradiance;
 }
 
@@ -188,7 +245,9 @@ LeafValues RadiosityOperator::Gather(const LeafValues& radiosity) const {
 LeafValues RadiosityOperator::LocalMeans(const LeafValues& values) const {
   Eigen::Array3Xd sums = Eigen::Array3Xd::Zero(3, Column(hierarchy_.root_count()));
   for (Eigen::Index k = 0; k < size(); ++k) {
-    sums.col(PatchOf(k)) += areas_[k] * values.col(k).abs();
+    if (IsMean(k)) {
+      sums.col(PatchOf(k)) += areas_[k] * values.col(k).abs();
+    }
   }
   const Clusters& clusters = hierarchy_.clusters();
   Eigen::Array3Xd of_clusters = Eigen::Array3Xd::Zero(3, Column(clusters.size()));
@@ -213,9 +272,25 @@ Rgb RadiosityOperator::RelativeRms(const LeafValues& values, const LeafValues& m
   for (Eigen::Index k = 0; k < size(); ++k) {
     const Rgb measure = measures.col(k);
     squares += (measure > 0).select(areas_[k] * (values.col(k) / measure).square(), 0.0);
-    area += (measure > 0).select(areas_[k], Rgb::Zero());
+    if (IsMean(k)) {
+      area += (measure > 0).select(areas_[k], Rgb::Zero());
+    }
   }
   return (area > 0).select((squares / area).sqrt(), 0.0);
+}
+
+void RadiosityOperator::StoreShape(std::size_t k, const LeafValues& irradiance, Light& light) const {
+  const Index leaf = rows_.leaves()[k];
+  const Coefficients own = std::span(light.lighting_coefficients).subspan(count_ * leaf, count_);
+  own[0] = light.irradiance[leaf];
+  for (std::size_t i = 1; i < count_; ++i) {
+    const Eigen::Index column = Column(k) + static_cast<Eigen::Index>(i);
+    own[i] = irradiance.col(column) + distant_.col(column);
+  }
+  KeepPositive(light.basis[leaf], hierarchy_.Shape(leaf), own);
+  for (std::size_t i = 1; i < count_; ++i) {
+    light.shooting_coefficients[count_ * leaf + i] = hierarchy_.PatchOf(leaf).reflectance * own[i];
+  }
 }
 
 void RadiosityOperator::Store(const LeafValues& irradiance, Light& light) const {
@@ -228,6 +303,9 @@ void RadiosityOperator::Store(const LeafValues& irradiance, Light& light) const 
       light.radiosity[element] = light.open[element] * hierarchy_.PatchOf(leaf).emission + reflected;
       light.variation[element] = 0;
     });
+    if (count_ > 1) {
+      StoreShape(k, irradiance, light);
+    }
   }
   light.Pull(hierarchy_);
 }

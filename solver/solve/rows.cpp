@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <map>
 
+#include "solver/transport/coupling.h"
 #include "solver/transport/node_transport.h"
 
 namespace radbake {
@@ -32,7 +33,8 @@ void ForEachLeafBelow(const Hierarchy& hierarchy, Index e, const Visit& visit) {
 
 }  // namespace
 
-Rows::Rows(const Hierarchy& hierarchy, const Links& links, const Light& light) : begin_(1, 0) {
+Rows::Rows(const Hierarchy& hierarchy, const Links& links, const Light& light)
+    : begin_(1, 0), shapes_(light.basis.count() - 1) {
   std::vector<Index> row_of(hierarchy.size(), kNone);
   for (Index leaf = 0; leaf < hierarchy.size(); ++leaf) {
     if (hierarchy[leaf].IsLeaf() && !hierarchy.IsSky(leaf)) {
@@ -46,6 +48,7 @@ Rows::Rows(const Hierarchy& hierarchy, const Links& links, const Light& light) :
     }
   }
   entries_.resize(begin_.back());
+  moments_.resize(shapes_ * begin_.back());
   std::vector<Seen> seen(leaves_.size());
   constexpr std::size_t kGrain = 16;
   const auto for_each_row = [&](const auto& visit) {
@@ -56,7 +59,8 @@ Rows::Rows(const Hierarchy& hierarchy, const Links& links, const Light& light) :
     });
   };
   for_each_row([&](std::size_t k, std::span<Gathered> row) {
-    seen[k] = Fill(hierarchy, links, light, leaves_[k], row);
+    seen[k] = Fill(hierarchy, links, light, leaves_[k], row,
+                   std::span(moments_).subspan(shapes_ * begin_[k], shapes_ * row.size()));
     Complete(seen[k], links.Into(leaves_[k]).size(), row);
   });
   tbb::parallel_for(std::size_t{0}, hierarchy.size(),
@@ -94,25 +98,33 @@ Rows::Rows(const Hierarchy& hierarchy, const Rows& of_leaves, const std::vector<
 }
 
 Rows::Seen Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Light& light, Index leaf,
-                      std::span<Gathered> row) {
-  const Polygon shape = hierarchy.Shape(leaf);
-  const Vec3 centroid = shape.Centroid();
-  const auto at_centroid = [&](const Link& link) {
-    return static_cast<double>(link.visibility) *
-           UnoccludedAt(hierarchy, centroid, shape.normal, link.shooter);
-  };
+                      std::span<Gathered> row, std::span<float> moments) {
+  const Basis& basis = light.basis;
+  const BasisEnd receiver(hierarchy, basis, leaf);
+  const bool shaped = basis.count() > 1 && light.open[leaf] == 1;
   std::size_t at = 0;
+  // At the points, times `open`: the mean, and the moments into their place.
+  const auto look = [&](const Link& link, double open) {
+    const BasisValues sums = MomentsOver(receiver, [&](const Vec3& x) {
+      return UnoccludedAt(hierarchy, x, receiver.shape.normal, link.shooter);
+    });
+    const auto visibility = static_cast<double>(link.visibility);
+    for (std::size_t i = 1; shaped && i < basis.count(); ++i) {
+      moments[(basis.count() - 1) * at + i - 1] = static_cast<float>(open * (visibility * sums[i]));
+    }
+    return visibility * sums[0];
+  };
   Seen seen;
   for (const Link& link : links.Into(leaf)) {
+    seen.sum += look(link, 1);
     row[at++] = {link.shooter, link.visibility * link.form_factor};
-    seen.sum += at_centroid(link);
     seen.clear = seen.clear && link.clear;
   }
   for (Index e = hierarchy[leaf].parent; e != kNone; e = hierarchy[e].parent) {
     // What an element gathers falls on its open parts alone.
     const double open = light.open[e] > 0 ? light.open[leaf] / light.open[e] : 1;
     for (const Link& link : links.Into(e)) {
-      const double weight = open * at_centroid(link);
+      const double weight = open * look(link, open);
       row[at++] = {link.shooter, static_cast<float>(weight)};
       seen.sum += weight;
       seen.clear = seen.clear && link.clear;

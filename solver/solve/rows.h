@@ -23,13 +23,19 @@ struct Gathered {
 /// - a link brings its leaves together its mean, as near as the rows allow: energy is kept.
 /// Both at once is matrix balancing (Sinkhorn 1967); rows, links, and rows again bring both below 0.5 % in
 /// rooms of any shape.
+///
+/// In a higher basis the centroid's place is taken by the points of a quadrature in the leaf, whose mean is
+/// what it sees; and beside each weight stand its moments, those of the form factor with φ_1 … over the leaf.
+/// They are not scaled: at each point all that is seen sums to 1 in a closed room, so in the sum moments
+/// cancel.
 class Rows {
  public:
-  /// Of the leaves of `hierarchy` that are on surfaces; `light` says which parts of elements are open. The
-  /// same bits on any number of threads.
+  /// Of the leaves of `hierarchy` that are on surfaces, in the basis of `light`, which says too which parts
+  /// of elements are open. The same bits on any number of threads.
   Rows(const Hierarchy& hierarchy, const Links& links, const Light& light);
 
-  /// Of the given nodes, which have no links of their own: the means by area of their leaves' rows,
+  /// Of the given nodes, which have no links of their own, in constants: the means by area of their leaves'
+  /// rows,
   ///   F_ij = Σ_q F_qj·A_q / A_i.
   Rows(const Hierarchy& hierarchy, const Rows& of_leaves, const std::vector<Index>& nodes);
 
@@ -38,17 +44,21 @@ class Rows {
   std::span<const Gathered> operator[](std::size_t k) const {
     return std::span(entries_).subspan(begin_[k], begin_[k + 1] - begin_[k]);
   }
+  /// K − 1 for each of its entries.
+  std::span<const float> Moments(std::size_t k) const {
+    return std::span(moments_).subspan(shapes_ * begin_[k], shapes_ * (begin_[k + 1] - begin_[k]));
+  }
 
  private:
-  /// By a leaf's centroid.
+  /// From a leaf's points.
   struct Seen {
     double sum = 0;
     bool clear = true;  ///< all of it, unoccluded
   };
-  /// The means of the leaf's own links, and its ancestors' form factors at its centroid. Returns what the
-  /// centroid sees.
+  /// The means of the leaf's own links, and its ancestors' form factors at its centroid (its points). Returns
+  /// what that sees.
   static Seen Fill(const Hierarchy& hierarchy, const Links& links, const Light& light, Index leaf,
-                   std::span<Gathered> row);
+                   std::span<Gathered> row, std::span<float> moments);
   /// Scales the row to what is seen: what it inherits, and where visibility does not blur what is seen, its
   /// own links too.
   static void Complete(const Seen& leaf, std::size_t own_count, std::span<Gathered> row);
@@ -59,6 +69,8 @@ class Rows {
   std::vector<Index> leaves_;
   std::vector<std::size_t> begin_;
   std::vector<Gathered> entries_;
+  std::size_t shapes_ = 0;  // K − 1
+  std::vector<float> moments_;
 };
 
 }  // namespace radbake

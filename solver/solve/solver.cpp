@@ -42,7 +42,9 @@ class Solver {
       : hierarchy_(hierarchy),
         visibility_(visibility),
         options_(options),
-        linker_(hierarchy, visibility, options.visibility_rays) {}
+        linker_(hierarchy, visibility, options.visibility_rays, options.basis) {
+    solution_.light.basis = Basis(options.basis);
+  }
 
   Solution Run() {
     solution_.light.openness = LookAround(hierarchy_, visibility_);
@@ -121,15 +123,23 @@ class Solver {
 
   void Iterate(double tolerance) {
     const Rows rows(hierarchy_, linker_.links(), solution_.light);
-    Iterate(RadiosityOperator(hierarchy_, linker_.links(), rows, solution_.light), tolerance);
+    const Couplings couplings(hierarchy_, linker_.links(), solution_.light);
+    Iterate(RadiosityOperator(hierarchy_, linker_.links(), rows, couplings, solution_.light), tolerance);
   }
 
-  /// The patches' radiosities first, then the elements' from those.
+  /// The patches' radiosities first, then the elements' from those. Patches with polynomials are what their
+  /// elements pull up to: all are solved at once then.
   void IterateOnPatches(double patch_area) {
+    if (options_.basis != BasisOrder::kConstant) {
+      Iterate(options_.tolerance);
+      return;
+    }
     const Rows elements(hierarchy_, linker_.links(), solution_.light);
     const Rows patches(hierarchy_, elements, PatchLevel(hierarchy_, patch_area));
-    Iterate(RadiosityOperator(hierarchy_, linker_.links(), patches, solution_.light), options_.tolerance);
-    const RadiosityOperator on_elements(hierarchy_, linker_.links(), elements, solution_.light);
+    const Couplings couplings(hierarchy_, linker_.links(), solution_.light);
+    Iterate(RadiosityOperator(hierarchy_, linker_.links(), patches, couplings, solution_.light),
+            options_.tolerance);
+    const RadiosityOperator on_elements(hierarchy_, linker_.links(), elements, couplings, solution_.light);
     on_elements.Store(on_elements.Gather(on_elements.Radiosity(solution_.light)), solution_.light);
   }
 

@@ -25,6 +25,7 @@ struct SolveOptions {
   double w_min = 1e-5;  ///< kAdaptive: of the last pass; share of the absorbed power
   /// kAdaptive: another oracle than AdaptiveOracle, to be measured against it; as its constructor.
   std::function<std::unique_ptr<Oracle>(const Light& light, double a_min, double w_min)> oracle;
+  BasisOrder basis = BasisOrder::kConstant;
   IterationMethod iteration = IterationMethod::kKrylov;
   double tolerance = 1e-4;   ///< largest relative error of the radiosity that the iteration may leave
   int visibility_rays = 32;  ///< even

@@ -55,7 +55,8 @@ TEST(Krylov, TheResidualIsTrue) {
   SolveOptions options = Coarse(Refinement::kHierarchical, IterationMethod::kKrylov);
   SolvedScene solved(testing::ShadowRoom(), options);
   const Rows rows(solved.hierarchy, solved.solution.links, solved.solution.light);
-  const RadiosityOperator radiosity_operator(solved.hierarchy, solved.solution.links, rows,
+  const Couplings couplings(solved.hierarchy, solved.solution.links, solved.solution.light);
+  const RadiosityOperator radiosity_operator(solved.hierarchy, solved.solution.links, rows, couplings,
                                              solved.solution.light);
   Light& light = solved.solution.light;
   light.radiosity.assign(light.radiosity.size(), Rgb::Constant(1));
