@@ -295,13 +295,12 @@ void Workers::Drop(Running& running) {
 }
 
 void Workers::Keep() {
-  using Clock = LeaseWatch::Clock;
   LeaseWatch watch(options_.lease);
-  Clock::time_point beat = Clock::now();
+  LeaseWatch::Clock::time_point beat = LeaseWatch::Clock::now();
   std::unique_lock lock(mutex_);
   while (!stopping_ || !running_.empty()) {
     const std::uint64_t seen = news_;
-    const bool due = Clock::now() >= beat;
+    const bool due = LeaseWatch::Clock::now() >= beat;
     lock.unlock();
     try {
       Look(watch, due);
@@ -310,7 +309,7 @@ void Workers::Keep() {
       trouble_.Meet(error.what());
     }
     if (due) {
-      beat = Clock::now() + options_.beat;
+      beat = LeaseWatch::Clock::now() + options_.beat;
       Wake();
     }
     lock.lock();

@@ -1,8 +1,7 @@
-// What the queue promises (server/queue.h), in both databases.
-#include "server/queue.h"
+// Who holds a job and how it comes to its end, as the queue promises it (server/queue.h), in both databases.
+#include "tests/server/queue_test.h"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sqlite3.h>
 
 #include <atomic>
@@ -12,16 +11,8 @@
 #include "server/queue_postgres.h"
 #include "server/queue_sqlite.h"
 #include "tests/server/postgres_test.h"
-#include "tests/server/service_test.h"
 
 namespace radbake::server {
-namespace {
-
-using testing::ElementsAre;
-using testing::Pair;
-using testing::UnorderedElementsAre;
-
-const std::string kWorker = "worker";
 
 void RunInSqlite(const std::filesystem::path& file, const std::string& sql) {
   sqlite3* database = nullptr;
@@ -30,63 +21,6 @@ void RunInSqlite(const std::filesystem::path& file, const std::string& sql) {
   sqlite3_close(database);
 }
 
-class QueueTest : public testing::TestWithParam<const char*> {
- protected:
-  static bool Postgres() { return GetParam() == std::string("Postgres"); }
-  const std::filesystem::path& data() const { return folder_.path(); }
-
-  std::unique_ptr<Queue> Open(std::chrono::milliseconds keep = std::chrono::hours(24)) {
-    if (!Postgres()) {
-      return std::make_unique<SqliteQueue>(data(), keep);
-    }
-    if (url_.empty()) {
-      url_ = PostgresServer::Shared().MakeDatabase();
-    }
-    return std::make_unique<PostgresQueue>(url_, keep);
-  }
-
-  // A statement of its own, past the queue.
-  void Run(const std::string& sql) const {
-    if (Postgres()) {
-      RunSql(url_, "SET search_path TO radbake;" + sql);
-    } else {
-      RunInSqlite(data() / "jobs.sqlite", sql);
-    }
-  }
-
-  // The folder of a new job with its upload.
-  std::filesystem::path Draft(const std::string& id, const std::string& scene = "scene") const {
-    const std::filesystem::path folder = data() / "jobs" / id;
-    std::filesystem::create_directories(folder / "upload/textures");
-    WriteFile(folder / "parameters.json", "{}");
-    WriteFile(folder / "upload/scene.gltf", scene);
-    WriteFile(folder / "upload/textures/a.png", "png");
-    return folder;
-  }
-  Added Add(Queue& queue, const std::string& id, const std::string& owner = "",
-            const std::optional<IdempotencyKey>& key = std::nullopt) const {
-    return queue.Add({id, owner, "upload/scene.gltf", key}, Draft(id));
-  }
-  // What a bake has written.
-  std::filesystem::path Results(const std::string& scene) const {
-    const std::filesystem::path folder = data() / "attempt";
-    std::filesystem::create_directories(folder);
-    WriteFile(folder / kBakedFile, scene);
-    WriteFile(folder / kStatisticsFile, "{}");
-    return folder;
-  }
-  bool Succeed(Queue& queue, const std::string& id, int attempt, const std::string& scene = "baked") const {
-    return queue.Finish({id, attempt}, {Status::kSucceeded, {}, std::nullopt}, Results(scene));
-  }
-
- private:
-  TemporaryFolder folder_;
-  std::string url_;
-};
-
-INSTANTIATE_TEST_SUITE_P(In, QueueTest, testing::Values("Sqlite", "Postgres"),
-                         [](const auto& database) { return std::string(database.param); });
-
 std::string ReadAll(StoredFile& file, std::size_t most) {
   std::string bytes;
   while (bytes.size() < file.size()) {
@@ -94,6 +28,46 @@ std::string ReadAll(StoredFile& file, std::size_t most) {
   }
   return bytes;
 }
+
+std::unique_ptr<Queue> QueueTest::Open(std::chrono::milliseconds keep) {
+  if (!Postgres()) {
+    return std::make_unique<SqliteQueue>(data(), keep);
+  }
+  if (url_.empty()) {
+    url_ = PostgresServer::Shared().MakeDatabase();
+  }
+  return std::make_unique<PostgresQueue>(url_, keep);
+}
+
+void QueueTest::Run(const std::string& sql) const {
+  if (Postgres()) {
+    RunSql(url_, "SET search_path TO radbake;" + sql);
+  } else {
+    RunInSqlite(data() / "jobs.sqlite", sql);
+  }
+}
+
+std::filesystem::path QueueTest::Draft(const std::string& id, const std::string& scene) const {
+  const std::filesystem::path folder = data() / "jobs" / id;
+  std::filesystem::create_directories(folder / "upload/textures");
+  WriteFile(folder / "parameters.json", "{}");
+  WriteFile(folder / "upload/scene.gltf", scene);
+  WriteFile(folder / "upload/textures/a.png", "png");
+  return folder;
+}
+
+std::filesystem::path QueueTest::Results(const std::string& scene) const {
+  const std::filesystem::path folder = data() / "attempt";
+  std::filesystem::create_directories(folder);
+  WriteFile(folder / kBakedFile, scene);
+  WriteFile(folder / kStatisticsFile, "{}");
+  return folder;
+}
+
+namespace {
+
+INSTANTIATE_TEST_SUITE_P(In, QueueTest, testing::Values("Sqlite", "Postgres"),
+                         [](const auto& database) { return std::string(database.param); });
 
 TEST_P(QueueTest, GivesTheOldestJobFirstAndEachOnce) {
   const auto queue = Open();
@@ -299,142 +273,6 @@ TEST_P(QueueTest, FencesAnAttemptThatHasLostItsJob) {
   EXPECT_EQ(ReadAll(*queue->Open("a", kBakedFile), 100), "of the second");
 }
 
-TEST_P(QueueTest, HandsTheUploadToTheWorker) {
-  const auto queue = Open();
-  std::string scene(2 * PostgresQueue::kPiece + 123, '\0');
-  for (std::size_t i = 0; i < scene.size(); ++i) {
-    scene[i] = static_cast<char>(i * i >> 7U);
-  }
-  const std::filesystem::path draft = Draft("a", scene);
-  WriteFile(draft / "upload/empty", "");
-  queue->Add({"a", "", "upload/scene.gltf", std::nullopt}, draft);
-  EXPECT_EQ(queue->KeepsFolder("a"), std::filesystem::exists(draft));
-  for (const char* folder : {"one", "two"}) {
-    queue->Fetch("a", data() / folder);
-    EXPECT_THAT(ListTree(data() / folder),
-                ElementsAre("parameters.json", "upload", "upload/empty", "upload/scene.gltf",
-                            "upload/textures", "upload/textures/a.png"));
-    EXPECT_EQ(ReadFile(data() / folder / "upload/scene.gltf"), scene);
-    EXPECT_EQ(ReadFile(data() / folder / "upload/textures/a.png"), "png");
-  }
-}
-
-TEST_P(QueueTest, SaysThatAnUploadIsLost) {
-  const auto queue = Open();
-  try {
-    queue->Fetch("none", data() / "work");
-    FAIL() << "it is not there";
-  } catch (const std::filesystem::filesystem_error& error) {
-    EXPECT_EQ(error.code(), std::errc::no_such_file_or_directory);
-  }
-}
-
-TEST_P(QueueTest, KeepsTheResult) {
-  std::string scene(PostgresQueue::kPiece * 40 + 1, 'x');
-  scene[PostgresQueue::kPiece] = 'y';
-  {
-    const auto queue = Open();
-    Add(*queue, "a");
-    queue->Claim(kWorker);
-    EXPECT_EQ(queue->Open("a", kBakedFile), nullptr);
-    EXPECT_TRUE(Succeed(*queue, "a", 1, scene));
-  }
-  const auto queue = Open();
-  const auto file = queue->Open("a", kBakedFile);
-  ASSERT_NE(file, nullptr);
-  EXPECT_EQ(file->size(), scene.size());
-  EXPECT_TRUE(ReadAll(*file, 100'000) == scene);
-  EXPECT_EQ(file->Read(PostgresQueue::kPiece - 1, 1), "x");
-  EXPECT_EQ(file->Read(PostgresQueue::kPiece, 1), "y");
-  EXPECT_EQ(file->Read(scene.size() - 1, 10), "x");
-  EXPECT_EQ(ReadAll(*queue->Open("a", kStatisticsFile), 100), "{}");
-  EXPECT_EQ(queue->Open("a", "none"), nullptr);
-}
-
-TEST_P(QueueTest, ForgetsWhatHasBeenKeptLongEnough) {
-  const auto queue = Open(std::chrono::hours(1));
-  for (const char* id : {"ended", "canceled", "running", "queued"}) {
-    Add(*queue, id);
-  }
-  queue->Claim(kWorker);
-  Succeed(*queue, "ended", 1);
-  queue->Claim(kWorker);
-  queue->Cancel("canceled", std::nullopt);
-  queue->Claim(kWorker);
-  EXPECT_TRUE(queue->Forget().empty());
-  EXPECT_THAT(queue->Forget(std::chrono::hours(2)), UnorderedElementsAre("ended", "canceled"));
-  EXPECT_FALSE(queue->Find("ended"));
-  EXPECT_EQ(queue->Open("ended", kBakedFile), nullptr);
-  EXPECT_TRUE(queue->Find("running") && queue->Find("queued"));
-}
-
-TEST_P(QueueTest, LeavesNothingOfARemovedJob) {
-  const auto queue = Open();
-  Add(*queue, "a", "me", IdempotencyKey{"key", "x"});
-  queue->Claim(kWorker);
-  Succeed(*queue, "a", 1);
-  EXPECT_TRUE(queue->Remove("a"));
-  EXPECT_TRUE(std::filesystem::is_empty(data() / "jobs"));
-  if (Postgres()) {
-    Run("SELECT 1 / (CASE count(*) WHEN 0 THEN 1 ELSE 0 END) FROM pieces");
-  }
-}
-
-TEST_P(QueueTest, KeepsAKeyForADayEachOwnerItsOwn) {
-  const auto queue = Open();
-  const auto add = [&](const std::string& id, const std::string& owner, const std::string& digest) {
-    return Add(*queue, id, owner, IdempotencyKey{"key", digest});
-  };
-  EXPECT_EQ(add("a", "one", "x").kind, Added::Kind::kNew);
-  EXPECT_EQ(add("b", "one", "x").kind, Added::Kind::kSame);
-  EXPECT_EQ(add("b", "one", "x").job.id, "a");
-  EXPECT_EQ(add("b", "one", "y").kind, Added::Kind::kOther);
-  EXPECT_EQ(add("b", "two", "y").kind, Added::Kind::kNew);
-  queue->Forget(std::chrono::hours(23));
-  EXPECT_EQ(add("c", "one", "x").kind, Added::Kind::kSame);
-  queue->Forget(std::chrono::hours(25));
-  EXPECT_EQ(add("c", "one", "x").kind, Added::Kind::kNew);
-  EXPECT_TRUE(queue->Find("a")) << "the key is forgotten, not its job";
-}
-
-TEST_P(QueueTest, MakesOneJobOfAKeyThatComesManyTimesAtOnce) {
-  const auto queue = Open();
-  std::atomic<int> made = 0;
-  std::vector<std::thread> threads;
-  for (int i = 0; i < 6; ++i) {
-    threads.emplace_back([&, i] {
-      const Added added = Add(*queue, "job" + std::to_string(i), "me", IdempotencyKey{"key", "x"});
-      made += added.kind == Added::Kind::kNew ? 1 : 0;
-    });
-  }
-  for (std::thread& thread : threads) {
-    thread.join();
-  }
-  EXPECT_EQ(made, 1);
-  EXPECT_EQ(queue->List({"me", std::nullopt, "", 10}).size(), 1U);
-}
-
-TEST_P(QueueTest, ShowsEachOwnerItsOwnJobsNewestFirst) {
-  const auto queue = Open();
-  Add(*queue, "a", "one");
-  Add(*queue, "b", "two");
-  Add(*queue, "c", "two");
-  Run("UPDATE jobs SET created = created + 3600000 WHERE id = 'b'");  // the clock was set back since
-  const std::vector<Job> jobs = queue->List({"two", std::nullopt, "", 10});
-  ASSERT_EQ(jobs.size(), 2U);
-  EXPECT_EQ(jobs[0].id, "c");
-  EXPECT_EQ(jobs[1].id, "b");
-  EXPECT_EQ(queue->List({"two", std::nullopt, Cursor(jobs[0]), 10}).at(0).id, "b");
-  EXPECT_TRUE(queue->List({"two", std::nullopt, Cursor(jobs[1]), 10}).empty());
-  EXPECT_TRUE(queue->List({"two", Status::kFailed, "", 10}).empty());
-  EXPECT_EQ(queue->CountQueued("two").all, 3U);
-  EXPECT_EQ(queue->CountQueued("two").of_owner, 2U);
-  queue->Claim(kWorker);
-  EXPECT_THAT(queue->Count(),
-              ElementsAre(Pair(Status::kQueued, 2U), Pair(Status::kRunning, 1U), Pair(Status::kSucceeded, 0U),
-                          Pair(Status::kFailed, 0U), Pair(Status::kCanceled, 0U)));
-}
-
 TEST_P(QueueTest, EndsNoJobBeforeItsBeginWhateverIsDoneToTheClock) {
   const auto queue = Open();
   for (const char* id : {"a", "b", "c"}) {
@@ -476,48 +314,6 @@ TEST_P(QueueTest, HintsAtWhatMayBeNew) {
   const int before = hints;
   Add(*queue, "b");
   EXPECT_EQ(hints, before);
-}
-
-TEST_P(QueueTest, RefusesAQueueOfALaterVersion) {
-  Open()->Count();
-  Run(Postgres() ? "UPDATE version SET number = 99" : "PRAGMA user_version = 99");
-  EXPECT_THROW(Open()->Count(), QueueError);
-}
-
-class SqliteQueueTest : public testing::Test {
- protected:
-  const std::filesystem::path& data() const { return folder_.path(); }
-  std::filesystem::path file() const { return data() / "jobs.sqlite"; }
-
- private:
-  TemporaryFolder folder_;
-};
-
-TEST_F(SqliteQueueTest, TakesOverAQueueOfItsFirstVersion) {
-  RunInSqlite(file(), R"(
-    CREATE TABLE jobs (sequence INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE,
-      status TEXT NOT NULL CHECK (status IN ('queued', 'running', 'succeeded', 'failed', 'canceled')),
-      scene TEXT NOT NULL, crashes INTEGER NOT NULL DEFAULT 0, progress REAL NOT NULL DEFAULT 0,
-      created INTEGER NOT NULL, started INTEGER, ended INTEGER, problem TEXT) STRICT;
-    INSERT INTO jobs (id, status, scene, created, ended) VALUES ('old', 'succeeded', 's', 1000, 2000);
-    INSERT INTO jobs (id, status, scene, created) VALUES ('running', 'running', 's', 2500);
-    INSERT INTO jobs (id, status, scene, created) VALUES ('new', 'queued', 's', 3000);
-    PRAGMA user_version = 1;)");
-  SqliteQueue queue(data());
-  EXPECT_EQ(queue.Find("old").value().expires,
-            Time(std::chrono::milliseconds(2000) + std::chrono::hours(24)));
-  EXPECT_EQ(queue.Claim(kWorker).value().id, "running");
-  EXPECT_EQ(queue.Claim(kWorker).value().id, "new");
-}
-
-TEST_F(SqliteQueueTest, RefusesAFileThatIsNoDatabase) {
-  WriteFile(file(), std::string(5000, 'x'));
-  EXPECT_THROW(SqliteQueue{data()}, QueueError);
-}
-
-TEST(PostgresQueueTest, RefusesAnUrlThatIsNone) {
-  EXPECT_THROW(PostgresQueue("postgresql://[", std::chrono::hours(1)), QueueError);
-  EXPECT_THROW(PostgresQueue("host", std::chrono::hours(1)), QueueError);
 }
 
 }  // namespace
