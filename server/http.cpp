@@ -247,9 +247,10 @@ class HttpServer::Implementation {
 
   void Process(Incoming incoming) {
     const std::optional<Problem> refused = std::move(incoming.refused);
+    const bool head_alone = incoming.bytes.starts_with("HEAD ");
     Connection connection(std::move(incoming), options_.limits, slow_, break_off_);
     if (refused) {
-      WriteRefusal(connection, *refused);
+      WriteRefusal(connection, *refused, head_alone);
       front_.Linger(connection.TakeSocket());
       return;
     }
@@ -293,7 +294,7 @@ class HttpServer::Implementation {
   }
 
   // Without the library, which gets to see only whole heads.
-  void WriteRefusal(Connection& connection, const Problem& problem) {
+  void WriteRefusal(Connection& connection, const Problem& problem, bool head_alone) {
     const std::string id = RandomId();
     const LogScope scope({{"request", id}, {"status", problem.status}});
     spdlog::info("refused: {}", problem.detail);
@@ -304,7 +305,7 @@ class HttpServer::Implementation {
         "\r\nContent-Type: application/problem+json\r\nX-Content-Type-Options: nosniff\r\nCache-Control: "
         "no-store\r\nConnection: close\r\n" +
         kRequestId + ": " + id + "\r\n" + (problem.status == 503 ? "Retry-After: 1\r\n" : "") +
-        "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body;
+        "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + (head_alone ? "" : body);
     connection.write(answer.data(), answer.size());  // shorter than any socket's buffer
     metrics_.CountReceived(connection.received());
     metrics_.CountSent(connection.sent());

@@ -229,8 +229,11 @@ void Endpoints::Ready(Response& response) {
 
 void Endpoints::ShowMetrics(Response& response) {
   Gauges gauges;
-  for (const auto& [status, count] : jobs_.Count()) {
-    gauges.jobs[ToString(status)] = count;
+  try {
+    for (const auto& [status, count] : jobs_.Count()) {
+      gauges.jobs[ToString(status)] = count;
+    }
+  } catch (const QueueError&) {  // NOLINT(bugprone-empty-catch): which the metrics tell
   }
   gauges.connections = connections_();
   gauges.free_bytes = jobs_.FreeBytes();

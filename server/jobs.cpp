@@ -207,19 +207,20 @@ std::string Jobs::Trouble() {
   if (::access(folder_.c_str(), W_OK) != 0) {
     return "the data folder cannot be written to";
   }
-  std::error_code error;
-  const std::filesystem::space_info space = std::filesystem::space(folder_, error);
-  if (error) {
+  const std::optional<std::uint64_t> free = FreeBytes();
+  if (!free) {
     return "the data folder is gone";
   }
-  if (space.available < least_free_) {
+  if (*free < least_free_) {
     return "the disk has less than the " + std::to_string(least_free_) + " bytes left that it should have";
   }
   return workers_ && workers_->alive() == 0 ? "no worker takes jobs" : "";
 }
 
-std::uint64_t Jobs::FreeBytes() const {
-  return std::filesystem::space(folder_).available;
+std::optional<std::uint64_t> Jobs::FreeBytes() const {
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(folder_, error);
+  return error ? std::nullopt : std::optional<std::uint64_t>(space.available);
 }
 
 nlohmann::json ToJson(const Job& job) {

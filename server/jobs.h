@@ -106,8 +106,8 @@ class Jobs {
   /// What keeps jobs from being taken and baked now (the database, the disk, the workers), in a sentence;
   /// empty: nothing.
   std::string Trouble();
-  /// Bytes that the disk of the data folder has left. Throws std::filesystem::filesystem_error.
-  std::uint64_t FreeBytes() const;
+  /// Bytes that the disk of the data folder has left; nothing if that is gone.
+  std::optional<std::uint64_t> FreeBytes() const;
   Metrics& metrics() { return metrics_; }
   Role role() const { return role_; }
   /// A file of the result of a job that has succeeded; null if it is not there.

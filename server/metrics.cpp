@@ -137,6 +137,8 @@ std::string Metrics::Text(const Gauges& gauges) const {
   std::string text;
   Head("radbaked_build_info", "gauge", "Which radbaked this is.", text);
   text += "radbaked_build_info" + Labels({{"version", RADBAKE_VERSION}}) + " 1\n";
+  Single("radbaked_queue_up", "gauge", "Whether the queue can be read.", gauges.jobs.empty() ? "0" : "1",
+         text);
   Head("radbaked_jobs", "gauge", "Jobs that are there, by state.", text);
   for (const auto& [status, count] : gauges.jobs) {
     text += "radbaked_jobs" + Labels({{"state", status}}) + " " + std::to_string(count) + "\n";
@@ -166,8 +168,10 @@ std::string Metrics::Text(const Gauges& gauges) const {
          text);
   Single("radbaked_http_sent_bytes_total", "counter", "Bytes of answers.", std::to_string(sent_), text);
   Single("radbaked_http_connections", "gauge", "Open connections.", std::to_string(gauges.connections), text);
-  Single("radbaked_disk_free_bytes", "gauge", "Left on the disk that holds the jobs.",
-         std::to_string(gauges.free_bytes), text);
+  if (gauges.free_bytes) {
+    Single("radbaked_disk_free_bytes", "gauge", "Left on the disk that holds the jobs.",
+           std::to_string(*gauges.free_bytes), text);
+  }
   Single("process_resident_memory_bytes", "gauge", "Memory of this process.", std::to_string(ResidentBytes()),
          text);
   Single("process_cpu_seconds_total", "counter", "Processor time of this process.",

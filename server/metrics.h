@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <tuple>
@@ -21,9 +22,9 @@ std::string_view ToString(KillReason reason);
 
 /// What is so at the moment of asking.
 struct Gauges {
-  std::map<std::string_view, std::size_t> jobs;  ///< by status
+  std::map<std::string_view, std::size_t> jobs;  ///< by status; none: the queue cannot be read
   std::size_t connections = 0;
-  std::uint64_t free_bytes = 0;  ///< of the disk that holds the jobs
+  std::optional<std::uint64_t> free_bytes;  ///< of the disk that holds the jobs; nothing: it is not there
 };
 
 /// Thread-safe.

@@ -1,6 +1,6 @@
 // Judges the service's OpenAPI document by the specification's own schema, and every answer that the tests have seen
 // by the document. The document is the one that the service served.
-//   node judge.mjs FOLDER [--all]     the folder of the answers; --all: every operation must have been seen
+//   node judge.mjs FOLDER [--all]     the folder of the answers; --all: all that are documented must have been seen
 import { readdirSync, readFileSync } from 'node:fs';
 import path from 'node:path';
 import { Validator } from '@seriousme/openapi-schema-validator';
@@ -96,7 +96,9 @@ function judge(answer) {
   }
 
   const type = headers['content-type']?.split(';')[0];
-  if (method === 'HEAD' || status === 204 || status === 304) {
+  // A connection that is one too many is refused before anybody knows that it would ask for the head alone.
+  const unread = method === 'HEAD' && status === 503 && body !== '';
+  if (!unread && (method === 'HEAD' || status === 204 || status === 304)) {
     if (body !== '') complain(`${name} has a body`, answer);
     return;
   }
@@ -126,14 +128,13 @@ answers.forEach(judge);
 
 const all = Object.values(document.paths).flatMap((item) =>
   kMethods.filter((method) => item[method]).map((method) => item[method]));
-const unseen = all.filter(({ operationId }) => ![...seen].some((one) => one.startsWith(`${operationId} `)));
-if (flags.includes('--all')) for (const { operationId } of unseen) complain(`no test has seen ${operationId}`);
+const documented = all.flatMap(({ operationId, responses }) => Object.keys(responses).map((one) => `${operationId} ${one}`));
+if (flags.includes('--all')) for (const one of documented) if (!seen.has(one)) complain(`no test has seen ${one}`);
 
 for (const [what, { count, answer }] of problems) {
   console.log(`${what}${count > 1 ? ` (${count} times)` : ''}`);
   if (answer) console.log(`  ${JSON.stringify({ ...answer, body: answer.body.slice(0, 600) })}`);
 }
-const statuses = all.flatMap(({ operationId, responses }) => Object.keys(responses).map((one) => `${operationId} ${one}`));
-console.log(`${answers.length} answers, ${all.length - unseen.length} of ${all.length} operations and ${seen.size} of their ` +
-  `${statuses.length} answers seen; ${problems.size} problems`);
+console.log(`${answers.length} answers, and ${seen.size} of the ${documented.length} that are documented; ` +
+  `${problems.size} problems`);
 process.exitCode = problems.size === 0 ? 0 : 1;

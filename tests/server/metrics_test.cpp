@@ -121,6 +121,7 @@ TEST_F(MetricsTest, AreThereBeforeAnythingHasHappened) {
   EXPECT_EQ(metrics.Value("radbaked_build_info{version=\"" RADBAKE_VERSION "\"}"), 1);
   EXPECT_EQ(metrics.Value("radbaked_http_connections"), 1) << "this one";
   EXPECT_GT(metrics.Value("radbaked_disk_free_bytes"), 0);
+  EXPECT_EQ(metrics.Value("radbaked_queue_up"), 1);
   EXPECT_GT(metrics.Value("process_resident_memory_bytes"), 1e6);
 }
 
@@ -217,6 +218,7 @@ TEST_F(MetricsTest, ReadinessNamesWhatIsMissing) {
     EXPECT_EQ(gone.headers.at("content-type"), "application/problem+json");
     EXPECT_THAT(gone.body, HasSubstr("data folder"));
     EXPECT_EQ(service.client().Get("/healthz").status, 200) << "it lives all the same";
+    EXPECT_THAT(service.client().Get("/metrics").body, testing::Not(HasSubstr("radbaked_disk_free_bytes")));
   }
   const Service full(data(), Program(kBakes),
                      {1, std::chrono::hours(1), Service::SmallLimits(), "", {}, UINT64_MAX, {}});

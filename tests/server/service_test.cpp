@@ -56,6 +56,7 @@ Jobs::Options ToJobs(const std::filesystem::path& radbake, const Service::Option
   jobs.workers.limits = options.child_limits;
   jobs.keep = options.keep;
   jobs.least_free = options.least_free;
+  jobs.role = options.role;
   return jobs;
 }
 
@@ -171,16 +172,19 @@ void Record(const std::string& request, const Answer& answer) {
 
 }  // namespace
 
-Answer Send(int port, const std::string& bytes) {
-  const Descriptor connection = Connect(port, bytes);
+Answer Receive(const Descriptor& connection, const std::string& request) {
   std::string text;
   std::array<char, 65536> buffer{};
   for (ssize_t count = 0; (count = ::recv(connection.get(), buffer.data(), buffer.size(), 0)) > 0;) {
     text.append(buffer.data(), static_cast<std::size_t>(count));
   }
   Answer answer = ParseAnswer(text);
-  Record(bytes, answer);
+  Record(request, answer);
   return answer;
+}
+
+Answer Send(int port, const std::string& bytes) {
+  return Receive(Connect(port, bytes), bytes);
 }
 
 Answer Client::Request(const std::string& method, const std::string& path, const std::string& headers,

@@ -63,9 +63,12 @@ Descriptor Connect(int port, const std::string& bytes);
 /// Adds what comes to `text` until it holds `end`. False if the other side closes before, or after a minute.
 bool ReceiveUntil(const Descriptor& connection, const std::string& end, std::string& text);
 
-/// Connect(), and what comes back until the other side closes. Where the environment's RADBAKED_ANSWERS names
-/// a folder, a line {"method", "target", "status", "headers", "body"} is added there to a file of this
-/// process, for tests/openapi to judge.
+/// What comes back of a request, or of its begin, until the other side closes. Where the environment's
+/// RADBAKED_ANSWERS names a folder, a line {"method", "target", "status", "headers", "body"} is added there
+/// to a file of this process, for tests/openapi to judge.
+Answer Receive(const Descriptor& connection, const std::string& request);
+
+/// Connect() and Receive().
 Answer Send(int port, const std::string& bytes);
 
 struct FormPart {
@@ -105,13 +108,15 @@ class Service {
     ChildLimits child_limits;  ///< none
     std::uint64_t least_free = 0;
     std::set<std::string> origins = {};
+    Role role = Role::kAll;
   };
   /// As by default, but of uploads only a megabyte.
   static HttpLimits SmallLimits();
 
   Service(const std::filesystem::path& data, const std::filesystem::path& radbake, const Options& options);
   Service(const std::filesystem::path& data, const std::filesystem::path& radbake, int workers = 1)
-      : Service(data, radbake, Options{workers, std::chrono::hours(1), SmallLimits(), "", {}, 0, {}}) {}
+      : Service(data, radbake,
+                Options{workers, std::chrono::hours(1), SmallLimits(), "", {}, 0, {}, Role::kAll}) {}
   ~Service();
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;

@@ -169,6 +169,9 @@ TEST_F(PostgresShareTest, GoesOnWhenTheDatabaseHasGoneAndComeBack) {
   const std::string running = client.PostScene();
   const std::string queued = client.PostScene();
   EXPECT_TRUE(There("started"));
+  const Descriptor watcher = Connect(service->port(), "GET " + running + "/events HTTP/1.1\r\n\r\n");
+  std::string events;
+  EXPECT_TRUE(ReceiveUntil(watcher, "event: job", events));
   server().Kill();
   for (const char* method : {"GET", "DELETE"}) {
     const Answer answer = client.Request(method, running);
@@ -179,6 +182,9 @@ TEST_F(PostgresShareTest, GoesOnWhenTheDatabaseHasGoneAndComeBack) {
   EXPECT_EQ(client.Post(Glb(), "model/gltf-binary").status, 503);
   EXPECT_EQ(client.Get("/readyz").status, 503);
   EXPECT_EQ(client.Get("/healthz").status, 200);
+  const Answer metrics = client.Get("/metrics");
+  EXPECT_EQ(metrics.status, 200);
+  EXPECT_THAT(metrics.body, testing::HasSubstr("\nradbaked_queue_up 0\n"));
   EXPECT_TRUE(Eventually([&] { return std::filesystem::is_empty(folder() / "service/drafts"); }));
   WriteFile(folder() / "go", "");  // the bake ends while there is nobody to tell
   EXPECT_TRUE(Eventually([&] {
@@ -190,6 +196,11 @@ TEST_F(PostgresShareTest, GoesOnWhenTheDatabaseHasGoneAndComeBack) {
   EXPECT_EQ(client.WaitFor(running, "succeeded").at("attempt"), 1);
   client.WaitFor(queued, "succeeded");
   EXPECT_EQ(Lines("runs").size(), 2U) << "nothing is baked twice";
+  EXPECT_TRUE(ReceiveUntil(watcher, R"("status":"succeeded")", events)) << events;
+  const std::string log = service->Log();
+  const std::size_t said = log.find("cannot be watched");
+  EXPECT_NE(said, std::string::npos);
+  EXPECT_EQ(log.find("cannot be watched", said + 1), std::string::npos) << "once is enough";
   EXPECT_EQ(client.Get(running + "/scene").body, "glTF baked");
 }
 
