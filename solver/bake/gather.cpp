@@ -48,6 +48,10 @@ Gatherer::Gatherer(const Hierarchy& hierarchy, const Light& light, const Links& 
 }
 
 Index Gatherer::SolverLeaf(Index element, const Vec3& x) const {
+  if (const Index patch = hierarchy_[element].patch, there = visibility_.overlaps().At(patch, x);
+      there != patch) {
+    element = there;
+  }
   const auto solved = static_cast<Index>(light_.irradiance.size());
   // The output divides elements further than the solver did; those have no links of their own.
   while (element >= solved) {
@@ -69,7 +73,7 @@ Index Gatherer::SolverLeaf(Index element, const Vec3& x) const {
 
 bool Gatherer::IsSealed(const Vec3& x, Index leaf) const {
   RayBatch batch(visibility_);
-  return visibility_.IsSealed(x, hierarchy_.PatchOf(leaf).normal, batch.rays);
+  return visibility_.IsSealed(x, hierarchy_.Shape(leaf), batch.rays);
 }
 
 Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale, QuasiRandom<2>& on_polygon,

@@ -23,11 +23,14 @@ class Gatherer {
            const GatherOptions& options);
 
   /// The youngest descendant of `element` (or itself) that received links or shares the leaf that did, at
-  /// `x`.
+  /// `x`; or of the patch that is there, if another lies over `x` (Overlaps).
   Index SolverLeaf(Index element, const Vec3& x) const;
 
   /// Does no light get to `x` in `leaf`, as under a body that stands there (Visibility::IsSealed)?
   bool IsSealed(const Vec3& x, Index leaf) const;
+
+  /// Does another patch lie over a part of this one?
+  bool MayBeCovered(Index patch) const { return visibility_.overlaps().AnyOver(patch); }
 
   /// The solution's own irradiance of `leaf` at `x`, normalised, for want of time: a constant or a
   /// polynomial, without a ray.

@@ -98,6 +98,7 @@ OutputMesh::OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Lin
     }
   }
   for (Index patch = 0; patch < lit_.size(); ++patch) {
+    lit_[patch] = lit_[patch] || gatherer.MayBeCovered(patch);
     for (Index c = hierarchy.clusters().Above(patch); c != kNone && !lit_[patch];
          c = hierarchy.clusters()[c].parent) {
       lit_[patch] = !links.Into(ClusterNode(c)).empty();

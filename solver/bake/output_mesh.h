@@ -65,7 +65,7 @@ class OutputMesh {
 
   Hierarchy& hierarchy_;
   const Gatherer& gatherer_;
-  std::vector<bool> lit_;  // by patch: some link leads into it
+  std::vector<bool> lit_;  // by patch: some link leads into it, or it lies under another
   std::vector<Index> cut_;
   std::vector<Loop> loops_;
   std::vector<bool> used_;           // by position: a corner of some element of the cut

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "solver/check/sample_points.h"
 
@@ -60,9 +61,29 @@ std::vector<LightTree::Lamp> PathTracer::Lamps(const TracedScene& scene) {
   return lamps;
 }
 
+std::vector<Polygon> PathTracer::Faces(const TracedScene& scene) {
+  std::vector<Polygon> faces(2 * scene.facets.size());
+  for (Index i = 0; i < scene.facets.size(); ++i) {
+    const Facet& facet = scene.facets[i];
+    for (const bool front : {true, false}) {
+      if (front ? facet.front : facet.back) {
+        Polygon& face = faces[Face(i, front)];
+        face.count = 3;
+        face.normal = front ? facet.normal : Vec3(-facet.normal);
+        std::ranges::copy(scene.corners[i], face.corner.begin());
+        if (!front) {
+          std::swap(face[1], face[2]);
+        }
+      }
+    }
+  }
+  return faces;
+}
+
 PathTracer::PathTracer(const TracedScene& scene)
     : scene_(scene),
       caster_(scene.corners),
+      overlaps_(Faces(scene), RayCaster::kPlaneTolerance),
       sky_(scene, caster_),
       lamp_(scene.facets.size(), kNone),
       lamps_(Lamps(scene)) {
@@ -94,6 +115,10 @@ Rgb PathTracer::FromSource(const Place& place, const Source& source, std::size_t
   const double facing = -source.normal.dot(way);
   const double emitting = source.back ? std::abs(facing) : facing;
   if (receiving <= 0 || emitting <= 0) {
+    return Rgb::Zero();
+  }
+  const Index face = source.facet == kNone ? kNone : Face(source.facet, facing > 0);
+  if (face != kNone && overlaps_.At(face, source.point) != face) {
     return Rgb::Zero();
   }
   ++rays;
@@ -135,7 +160,8 @@ Rgb PathTracer::FromLamps(const Place& place, std::array<double, 2> sample, std:
                      .normal = facet.normal,
                      .back = facet.back,
                      .emission = facet.emission,
-                     .density = choice->probability / facet.area},
+                     .density = choice->probability / facet.area,
+                     .facet = emitter},
                     rays);
 }
 
@@ -149,7 +175,8 @@ Rgb PathTracer::FromSky(const Place& place, std::array<double, 2> sample, std::s
                      .normal = point->normal,
                      .back = false,
                      .emission = scene_.environment,
-                     .density = point->density},
+                     .density = point->density,
+                     .facet = kNone},
                     rays);
 }
 
@@ -207,13 +234,17 @@ PathTracer::Estimate PathTracer::Irradiance(const Place& place, std::uint32_t pa
         estimate.irradiance += throughput * scene_.environment * (form_factor / (form_factor + exit.density));
         break;
       }
-      const Facet& facet = scene_.facets[hit->triangle];
-      if (!(hit->front ? facet.front : facet.back)) {
+      // Of several facets in one place the ray may meet any; one of them is there.
+      const Vec3 point = at.point + hit->distance * direction;
+      const Index face = overlaps_.At(Face(hit->triangle, hit->front), point);
+      const Index met = face / 2;
+      const Facet& facet = scene_.facets[met];
+      const bool front = face == Face(met, true);
+      if (!(front ? facet.front : facet.back)) {
         break;
       }
-      const Place next{.point = at.point + hit->distance * direction,
-                       .normal = hit->front ? facet.normal : Vec3(-facet.normal)};
-      if (const Index lamp = lamp_[hit->triangle]; lamp != kNone) {
+      const Place next{.point = point, .normal = front ? facet.normal : Vec3(-facet.normal)};
+      if (const Index lamp = lamp_[met]; lamp != kNone) {
         const double density = lamps_.Probability(lamp, at) / facet.area;
         const double form_factor =
             FormFactor(at.normal.dot(direction), -next.normal.dot(direction), hit->distance);

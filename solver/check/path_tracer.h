@@ -8,6 +8,7 @@
 #include "solver/check/light_tree.h"
 #include "solver/check/sky.h"
 #include "solver/check/traced_scene.h"
+#include "solver/scene/overlaps.h"
 
 namespace radbake {
 
@@ -44,6 +45,7 @@ class PathTracer {
     bool back;  // it emits there too
     Rgb emission;
     double density;
+    Index facet;  // kNone: of the sky
   };
   // Each is the direct light that one random sample finds, in the estimate's units.
   Rgb FromLamps(const Place& place, std::array<double, 2> sample, std::size_t& rays) const;
@@ -52,8 +54,13 @@ class PathTracer {
   Rgb FromPoint(const Place& place, const PunctualLight& light, std::size_t& rays) const;
   Rgb FromSuns(const Place& place, double sample, std::size_t& rays) const;
 
+  /// A side of a facet, as Overlaps knows it.
+  static Index Face(Index facet, bool front) { return 2 * facet + (front ? 0 : 1); }
+  static std::vector<Polygon> Faces(const TracedScene& scene);
+
   const TracedScene& scene_;
   RayCaster caster_;
+  Overlaps overlaps_;
   Sky sky_;
   std::vector<Index> emitters_;     // facets
   std::vector<Index> lamp_;         // by facet: its lamp in the tree, or kNone

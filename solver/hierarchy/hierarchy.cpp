@@ -112,6 +112,7 @@ Polygon Hierarchy::Shape(Index element) const {
   Polygon polygon;
   polygon.count = e.CornerCount();
   polygon.normal = PatchOf(element).normal;
+  polygon.patch = e.patch;
   for (int k = 0; k < polygon.count; ++k) {
     polygon[k] = Point(e.corner[static_cast<std::size_t>(k)]);
   }

@@ -11,7 +11,7 @@ namespace radbake {
 /// that it does: light would count both. One that looks the other way stays: the two are a sheet's two sides.
 /// Returns how many were removed.
 ///
-/// Surfaces that lie in one plane and overlap without being the same are not recognised.
+/// Surfaces that lie in one plane and overlap without being the same: see Overlaps.
 std::size_t DropDuplicates(Scene& scene);
 
 }  // namespace radbake

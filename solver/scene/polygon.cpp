@@ -8,6 +8,7 @@ namespace radbake {
 Polygon ClipToFront(const Polygon& polygon, const Plane& plane) {
   Polygon result;
   result.normal = polygon.normal;
+  result.patch = polygon.patch;
   for (int k = 0; k < polygon.count; ++k) {
     const Vec3& a = polygon[k];
     const Vec3& b = polygon[(k + 1) % polygon.count];

@@ -13,6 +13,7 @@ struct Polygon {
   std::array<Vec3, 7> corner;
   int count = 0;
   Vec3 normal;
+  Index patch = kNone;  ///< what it is a part of, if anything
 
   Vec3 Centroid() const {
     Vec3 sum = Vec3::Zero();

@@ -171,7 +171,7 @@ class RayBalance {
     auto u = random.Next();
     constexpr int kTries = 32;
     Vec3 x = PointOn(shape, u[0], u[1]);
-    for (int tries = 0; tries < kTries && visibility_.IsSealed(x, shape.normal, rays); ++tries) {
+    for (int tries = 0; tries < kTries && visibility_.IsSealed(x, shape, rays); ++tries) {
       u = random.Next();
       x = PointOn(shape, u[0], u[1]);
     }
@@ -200,7 +200,7 @@ EnergyBalance BalanceEnergy(const Hierarchy& hierarchy, const Light& light, cons
   for (Index e = 0; e < hierarchy.size(); ++e) {
     if (hierarchy[e].IsLeaf() && !hierarchy.IsSky(e)) {
       const Patch& patch = hierarchy.PatchOf(e);
-      balance.emitted += hierarchy[e].area * patch.emission;
+      balance.emitted += hierarchy[e].area * light.open[e] * patch.emission;
       balance.absorbed += hierarchy[e].area * (1 - patch.reflectance) * light.irradiance[e];
     }
   }

@@ -65,7 +65,7 @@ double Spread(const Sphere& receiver, const Sphere& shooter, bool receiver_is_cl
 SurfacePoint PointOfNode(const Hierarchy& hierarchy, Index node, std::array<double, 3> u) {
   const Index element = IsCluster(node) ? hierarchy.clusters().PatchAt(node - kFirstCluster, u[0]) : node;
   const Polygon shape = hierarchy.Shape(element);
-  return {PointOn(shape, u[1], u[2]), shape.normal};
+  return {PointOn(shape, u[1], u[2]), shape.normal, shape.patch};
 }
 
 NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibility, Index receiver,
@@ -88,6 +88,7 @@ NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibil
     const SurfacePoint from = PointOfNode(hierarchy, receiver, {u[0], u[1], u[2]});
     double kernel = 0;
     Vec3 end;
+    Index end_patch = kNone;
     if (light != nullptr) {
       kernel = PunctualKernel(*light, from.x, from.normal);
       end = ShadowRayEnd(*light, from.x);
@@ -95,6 +96,7 @@ NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibil
       const SurfacePoint to = PointOfNode(hierarchy, shooter, {u[3], u[4], u[5]});
       kernel = AreaKernel(from, to, area);
       end = to.x;
+      end_patch = to.patch;
     }
     highest = std::max(highest, kernel);
     lowest = std::min(lowest, kernel);
@@ -102,7 +104,7 @@ NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibil
     if (kernel > 0) {
       ++batch.rays;
       all[half] += kernel;
-      open[half] += visibility.caster().Occluded(from.x, end) ? 0 : kernel;
+      open[half] += visibility.Blocked(from.x, from.patch, end, end_patch) ? 0 : kernel;
     }
   }
   const double sum = all[0] + all[1];
@@ -227,10 +229,10 @@ double FromNodeAt(const Hierarchy& hierarchy, const Visibility& visibility, cons
   double sum = 0;
   for (int k = 0; k < rays; ++k) {
     const SurfacePoint to = PointOfNode(hierarchy, shooter, random.Next());
-    const double kernel = AreaKernel({x, n}, to, area);
+    const double kernel = AreaKernel({x, n, kNone}, to, area);
     if (kernel > 0) {
       ++batch.rays;
-      sum += visibility.caster().Occluded(x, to.x) ? 0 : kernel;
+      sum += visibility.Blocked(x, kNone, to.x, to.patch) ? 0 : kernel;
     }
   }
   return sum / rays;

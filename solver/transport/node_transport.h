@@ -14,6 +14,7 @@ namespace radbake {
 struct SurfacePoint {
   Vec3 x;
   Vec3 normal;
+  Index patch = kNone;
 };
 
 /// A point of an element's or a cluster's surfaces, uniform by area for a point of the unit cube.

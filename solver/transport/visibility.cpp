@@ -16,6 +16,17 @@ std::vector<Corners> TrianglesOf(const Patches& patches) {
   return triangles;
 }
 
+std::vector<Polygon> FacesOf(const Patches& patches) {
+  std::vector<Polygon> faces(patches.surface_patches);
+  for (Index p = 0; p < faces.size(); ++p) {
+    const Patch& patch = patches.patches[p];
+    faces[p].count = patch.corner_count;
+    faces[p].normal = patch.normal;
+    std::ranges::copy(patch.corner, faces[p].corner.begin());
+  }
+  return faces;
+}
+
 /// cos θ_y / r³, so that times (y − x)·n_x it is cos θ_x·cos θ_y / r².
 double Kernel(const Vec3& x, const Vec3& y, const Vec3& normal_y) {
   const double r2 = (y - x).squaredNorm();
@@ -39,7 +50,10 @@ bool Touching(const Polygon& a, const Polygon& b) {
 
 }  // namespace
 
-Visibility::Visibility(const Patches& patches) : caster_(TrianglesOf(patches)), occluders_(patches) {
+Visibility::Visibility(const Patches& patches)
+    : caster_(TrianglesOf(patches)),
+      occluders_(patches),
+      overlaps_(FacesOf(patches), RayCaster::kPlaneTolerance) {
   for (const Blocker& blocker : patches.blockers) {
     dead_.push_back({blocker.front == kNone, blocker.back == kNone});
     any_dead_ = any_dead_ || blocker.front == kNone || blocker.back == kNone;
@@ -51,11 +65,15 @@ bool Visibility::SeesNothingLit(const Vec3& y, const Vec3& direction) const {
   return hit && (hit->front ? dead_[hit->triangle].front : dead_[hit->triangle].back);
 }
 
-bool Visibility::IsSealed(const Vec3& y, const Vec3& normal, std::uint64_t& rays) const {
+bool Visibility::IsSealed(const Vec3& y, const Polygon& polygon, std::uint64_t& rays) const {
+  if (Covered(y, polygon.patch)) {
+    return true;
+  }
   if (!any_dead_ || occluders_.empty()) {
     return false;
   }
   // Up, then around at 60 degrees from the normal.
+  const Vec3& normal = polygon.normal;
   const Vec3 tangent = normal.unitOrthogonal();
   const Vec3 bitangent = normal.cross(tangent);
   constexpr double kSine = 0.8660254037844386;
@@ -76,7 +94,7 @@ double Visibility::OpenShare(const Polygon& polygon, std::uint64_t key, int poin
   const int first = std::max(1, points / 8);
   for (; seen < points && (seen < first || (open > 0 && open < seen)); ++seen) {
     const auto u = random.Next();
-    open += IsSealed(PointOn(polygon, u[0], u[1]), polygon.normal, batch.rays) ? 0 : 1;
+    open += IsSealed(PointOn(polygon, u[0], u[1]), polygon, batch.rays) ? 0 : 1;
   }
   return static_cast<double>(open) / seen;
 }
@@ -101,7 +119,7 @@ SampledVisibility Visibility::BetweenElements(const Polygon& a, const Polygon& b
     const std::size_t half = static_cast<std::size_t>(k) % 2;
     ++batch.rays;
     all[half] += weight;
-    open[half] += caster_.Occluded(x, y) ? 0 : weight;
+    open[half] += Blocked(x, a.patch, y, b.patch) ? 0 : weight;
   }
   // The exact integral is a control variate: V = (open + c·(exact − all))/exact is unbiased for any c that
   // does not depend on the same rays. The best c is V itself, as the other rays see it; 1 where the polygons
@@ -132,7 +150,7 @@ double Visibility::FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygo
     const double weight = std::max(0.0, (y - x).dot(n)) * Kernel(x, y, polygon.normal);
     ++batch.rays;
     all += weight;
-    open += caster_.Occluded(x, y) ? 0 : weight;
+    open += Blocked(x, kNone, y, polygon.patch) ? 0 : weight;
   }
   return all > 0 ? open / all : 0;
 }

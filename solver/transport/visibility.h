@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "solver/scene/overlaps.h"
 #include "solver/scene/patches.h"
 #include "solver/scene/polygon.h"
 #include "solver/transport/ray_caster.h"
@@ -32,8 +33,10 @@ class Visibility {
  public:
   explicit Visibility(const Patches& patches);
 
-  /// Is it proved that nothing is between the two polygons? Costs no ray.
-  bool Clear(const Polygon& a, const Polygon& b) const { return occluders_.Clear(a, b); }
+  /// Is it proved that nothing is between the two polygons, or on them? Costs no ray.
+  bool Clear(const Polygon& a, const Polygon& b) const {
+    return !MayBeCovered(a.patch) && !MayBeCovered(b.patch) && occluders_.Clear(a, b);
+  }
 
   /// The share of rays between the parts of the two polygons that face one another that is not blocked, in
   /// [0, 1].
@@ -46,21 +49,34 @@ class Visibility {
   double FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, QuasiRandom<2>& random, int first,
                    int rays) const;
 
-  /// Does the place `y` with unit normal `normal` see nothing but sides that give no light (it lies under a
-  /// box, say)? Then no light gets there, and none leaves it. Adds the rays cast to `rays`: none where no
-  /// blocker can be in between anything.
-  bool IsSealed(const Vec3& y, const Vec3& normal, std::uint64_t& rays) const;
+  /// Does the place `y` on a polygon lie under another surface in the same plane (Overlaps), or see nothing
+  /// but sides that give no light (it lies under a box, say)? Then no light gets there, and none leaves it.
+  /// Adds the rays cast to `rays`: none where no blocker can be in between anything.
+  bool IsSealed(const Vec3& y, const Polygon& polygon, std::uint64_t& rays) const;
+
+  /// Is anything between two points, or on one of them? Each is on its patch; kNone: on none.
+  bool Blocked(const Vec3& a, Index patch_a, const Vec3& b, Index patch_b) const {
+    return Covered(a, patch_a) || Covered(b, patch_b) || caster_.Occluded(a, b);
+  }
 
   /// The share of the polygon that is not sealed, in [0, 1]: sampled at `points` / 8 points, and at the rest
   /// only if those disagree.
   double OpenShare(const Polygon& polygon, std::uint64_t key, int points) const;
 
   const RayCaster& caster() const { return caster_; }
+  /// Of the surfaces' patches.
+  const Overlaps& overlaps() const { return overlaps_; }
   RayCount Counted() const;
   /// For whoever casts through caster() directly.
   void Count(std::uint64_t rays) const;
 
  private:
+  bool MayBeCovered(Index patch) const {
+    return !overlaps_.empty() && patch != kNone && overlaps_.AnyOver(patch);
+  }
+  bool Covered(const Vec3& x, Index patch) const {
+    return !overlaps_.empty() && patch != kNone && overlaps_.At(patch, x) != patch;
+  }
   bool SeesNothingLit(const Vec3& y, const Vec3& direction) const;
 
   struct Dead {
@@ -69,6 +85,7 @@ class Visibility {
   };
   RayCaster caster_;
   Occluders occluders_;
+  Overlaps overlaps_;
   std::vector<Dead> dead_;  // by blocker: the side gives no light
   bool any_dead_ = false;
   mutable std::atomic<std::uint64_t> rays_{0};

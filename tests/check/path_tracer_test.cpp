@@ -56,6 +56,22 @@ TEST(PathTracer, FindsTheIrradianceUnderARectangularLamp) {
   }
 }
 
+TEST(PathTracer, FindsTheFirstOfLampsThatOverlapInOnePlane) {
+  for (const bool small_first : {true, false}) {
+    Scene scene;
+    const auto add = [&](double half, double emission) {
+      AddQuad(scene, AddMaterial(scene, 0, emission), {-half, -half, 1}, 2 * half * Vec3::UnitY(),
+              2 * half * Vec3::UnitX());
+    };
+    add(small_first ? 0.25 : 1, small_first ? 50 : 5);
+    add(small_first ? 1 : 0.25, small_first ? 5 : 50);
+    AddQuad(scene, AddMaterial(scene, 0.7, 0), {-5, -5, 0}, 10 * Vec3::UnitX(), 10 * Vec3::UnitY());
+    const double large = 4 * UnderCornerOfRectangle(1, 1, 1);
+    const double small = small_first ? 4 * UnderCornerOfRectangle(0.25, 0.25, 1) : 0;
+    ExpectMeasured(Measure(scene, Vec3::Zero(), Vec3::UnitZ()), 5 * (large - small) + 50 * small);
+  }
+}
+
 TEST(PathTracer, FindsTheFormFactorOfParallelSquares) {
   Scene scene;
   AddQuad(scene, AddMaterial(scene, 0.5, 0), Vec3::Zero(), Vec3::UnitX(), Vec3::UnitY());

@@ -2,6 +2,7 @@
 // and reflects ρ, E = π/(1 − ρ) wherever no light escapes.
 #include "solver/check/check.h"
 #include "solver/scene/duplicates.h"
+#include "solver/solve/energy.h"
 #include "tests/extremes/extremes_test.h"
 
 namespace radbake {
@@ -13,9 +14,11 @@ using testing::AddMaterial;
 using testing::AddQuad;
 using testing::Bake;
 using testing::Baked;
+using testing::CoarseSolve;
 using testing::Deviation;
 using testing::DeviationFrom;
 using testing::FurnaceBox;
+using testing::SolvedScene;
 
 constexpr double kReflectance = 0.5;
 constexpr double kGlow = pi / (1 - kReflectance);
@@ -93,6 +96,17 @@ TEST(Extremes, DuplicateTrianglesChangeNothing) {
   scene.surfaces.push_back(scene.surfaces[2]);
   EXPECT_EQ(DropDuplicates(scene), 9U);
   EXPECT_LT(DeviationFrom(Bake(scene), kGlow).worst, 1e-3);
+}
+
+TEST(Extremes, SurfacesThatOverlapInOnePlaneShineOnce) {
+  // Two floors over one another in a half of the room, and a rug a third of a micrometre above them both.
+  Scene scene = WithoutFloor();
+  AddQuad(scene, 0, {0, 0, 0}, {0, 0, 1}, {0.75, 0, 1}, {0.75, 0, 0});
+  AddQuad(scene, 0, {0.25, 0, 0}, {0.25, 0, 1}, {1, 0, 1}, {1, 0, 0});
+  AddQuad(scene, 0, {0.4, 3e-8, 0.4}, {0.4, 3e-8, 0.6}, {0.6, 3e-8, 0.6}, {0.6, 3e-8, 0.4});
+  SolvedScene solved(scene, CoarseSolve());
+  EXPECT_LT(BalanceEnergy(solved.hierarchy, solved.solution.light, solved.visibility).imbalance, 5e-3);
+  ExpectGlow(DeviationFrom(Bake(scene, solved), kGlow));
 }
 
 TEST(Extremes, ASheetOfTwoFacesBackToBackGlowsOnBoth) {

@@ -216,7 +216,9 @@ TEST(Visibility, KnowsWhatIsSealedUnderABox) {
   const Visibility visibility(patches);
   std::uint64_t rays = 0;
   const auto is_sealed = [&](const Vec3& world) {
-    return visibility.IsSealed(patches.normalization.ToNormalized(world), Vec3::UnitY(), rays);
+    Polygon upwards;
+    upwards.normal = Vec3::UnitY();
+    return visibility.IsSealed(patches.normalization.ToNormalized(world), upwards, rays);
   };
   for (const Vec3& under : {Vec3(1, 0, 1), Vec3(0.71, 0, 0.8), Vec3(1.29, 0, 1.29)}) {
     EXPECT_TRUE(is_sealed(under)) << under.transpose();
