@@ -163,8 +163,11 @@ void CheckHead(const httplib::Request& request, std::uint64_t max_upload) {
     throw ProblemError(HttpProblem(400, "the Content-Type names no boundary of 1 to 70 characters"));
   }
   if (request.has_header("Transfer-Encoding")) {
-    if (!IsChunked(request)) {
+    if (!IsChunked(request) || request.get_header_value_count("Transfer-Encoding") > 1) {
       throw ProblemError(HttpProblem(400, "the only Transfer-Encoding taken is \"chunked\""));
+    }
+    if (request.has_header("Content-Length")) {
+      throw ProblemError(HttpProblem(400, "the request has both Transfer-Encoding and Content-Length"));
     }
     return;
   }

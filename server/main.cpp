@@ -2,6 +2,7 @@
 #include <fcntl.h>
 #include <pthread.h>
 #include <spdlog/spdlog.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -27,6 +28,7 @@
 #include "server/http.h"
 #include "server/jobs.h"
 #include "server/log.h"
+#include "server/memory.h"
 #include "server/queue_postgres.h"
 #include "solver/gltf/document.h"
 
@@ -44,6 +46,13 @@ void OpenStandardDescriptors() {
       return;
     }
   }
+}
+
+// No other process of this user's reads the memory of this one, in which a password may be.
+void HideMemory() {
+#if !defined(__SANITIZE_ADDRESS__)  // LeakSanitizer reads it from without
+  ::prctl(PR_SET_DUMPABLE, 0);
+#endif
 }
 
 std::filesystem::path DefaultData() {
@@ -128,14 +137,15 @@ void AddLimits(CLI::App& app, radbake::server::HttpLimits& limits) {
   add_seconds("--idle-time", limits.idle_time, "Seconds that a body or an answer may stand still");
 }
 
-// The flags of what a bake may take; memory as a share of the machine's, unless told otherwise.
+// The flags of what a bake may take.
 void AddChildLimits(CLI::App& app, radbake::server::ChildLimits& limits) {
   const auto add = [&](const char* flag, std::uint64_t& value, const char* means) {
-    app.add_option(flag, value, means)->capture_default_str()->group("Limits of a bake (0: none)");
+    return app.add_option(flag, value, means)->capture_default_str()->group("Limits of a bake (0: none)");
   };
   const auto add_seconds = [&](const char* flag, std::chrono::seconds& value, const char* means) {
-    app.add_option_function<unsigned>(
-           flag, [&value](unsigned seconds) { value = std::chrono::seconds(seconds); }, means)
+    return app
+        .add_option_function<unsigned>(
+            flag, [&value](unsigned seconds) { value = std::chrono::seconds(seconds); }, means)
         ->default_str(std::to_string(value.count()))
         ->group("Limits of a bake (0: none)");
   };
@@ -144,8 +154,10 @@ void AddChildLimits(CLI::App& app, radbake::server::ChildLimits& limits) {
   limits.time = std::chrono::hours(1);
   limits.confined = true;
   add_seconds("--job-timeout", limits.time, "Seconds from its start to its end");
-  add_seconds("--job-cpu-time", limits.cpu_time, "Seconds of processor time");
-  add("--job-memory", limits.memory, "Bytes of memory");
+  add_seconds("--job-cpu-time", limits.cpu_time, "Seconds of processor time of all its threads together")
+      ->default_str("--job-timeout, for each of its threads");
+  add("--job-memory", limits.memory, "Bytes of memory")
+      ->default_str("its share of three quarters of what there is");
   add("--job-file-size", limits.file_size, "Bytes of a file that it writes");
   add("--job-open-files", limits.open_files, "Files that it may have open");
   app.add_flag("!--no-confinement", limits.confined, "A bake may use all files that its user may")
@@ -267,6 +279,7 @@ void Serve(const std::filesystem::path& data, const Jobs::Options& options, cons
 
 int main(int argc, char** argv) {
   OpenStandardDescriptors();
+  HideMemory();
   radbake::server::StartLog();
   const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
   HttpServer::Options http;
@@ -328,6 +341,13 @@ int main(int argc, char** argv) {
   }
   try {
     workers.threads = static_cast<int>(std::max(1U, cores / static_cast<unsigned>(workers.count)));
+    if (app.count("--job-cpu-time") == 0) {
+      workers.limits.cpu_time = workers.limits.time * workers.threads;
+    }
+    if (app.count("--job-memory") == 0) {
+      workers.limits.memory =
+          radbake::server::MemoryBytes() / 4 * 3 / static_cast<std::uint64_t>(workers.count);
+    }
     workers.radbake = std::filesystem::absolute(radbake);
     for (const SceneLimit& limit : scene_limits) {
       workers.flags.insert(workers.flags.end(), {limit.flag, std::to_string(limit.value)});

@@ -7,6 +7,13 @@
 #include <system_error>
 
 namespace radbake::server {
+namespace {
+
+bool OutOfMemory(const ChildEnd& end) {
+  return end.exit_code == kFailed && Reason(end) == "out of memory";
+}
+
+}  // namespace
 
 std::string Reason(const ChildEnd& end) {
   constexpr std::string_view kPrefix = "radbake: ";
@@ -33,6 +40,10 @@ std::string LimitHit(const ChildEnd& end, const ChildLimits& limits) {
     return "the bake took more than the " + std::to_string(limits.cpu_time.count()) +
            " seconds of processor time that it may take";
   }
+  if (limits.memory > 0 && OutOfMemory(end)) {
+    return "the bake needs more than the " + std::to_string(limits.memory) +
+           " bytes of memory that it may take";
+  }
   if (end.signal == SIGXFSZ) {
     return "the bake wrote more than the " + std::to_string(limits.file_size) + " bytes that a file may have";
   }
@@ -52,7 +63,7 @@ std::optional<KillReason> Killed(const ChildEnd& end, bool stopped) {
   if (stopped) {
     return KillReason::kStopped;
   }
-  if (end.exit_code == kFailed && Reason(end) == "out of memory") {
+  if (OutOfMemory(end)) {
     return KillReason::kMemory;
   }
   return end.signal == 0 ? std::nullopt : std::optional(KillReason::kSignal);

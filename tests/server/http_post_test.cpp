@@ -153,6 +153,10 @@ TEST_F(PostTest, RefusesABodyOfUnclearLength) {
       client().Request("POST", "/v1/bakes", type + "Content-Length: 12\r\nContent-Length: 3\r\n", Glb()), 400,
       "Content-Length");
   ExpectProblem(client().Request("POST", "/v1/bakes", type + "Transfer-Encoding: gzip\r\n"), 400, "chunked");
+  const std::string chunked = type + "Transfer-Encoding: chunked\r\n";
+  ExpectProblem(client().Request("POST", "/v1/bakes", chunked + "Transfer-Encoding: gzip\r\n"), 400,
+                "chunked");
+  ExpectProblem(client().Request("POST", "/v1/bakes", chunked + "Content-Length: 12\r\n"), 400, "both");
   ExpectProblem(
       client().Request("POST", "/v1/bakes", type + "Transfer-Encoding: chunked\r\n", "no chunk\r\n\r\n"), 400,
       "breaks off");

@@ -116,6 +116,32 @@ TEST_F(SandboxTest, AJobBeyondALimitFailsAtOnceWithOneSentence) {
   EXPECT_THAT(failed.at("error").at("detail").get<std::string>(), HasSubstr("1 seconds"));
 }
 
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // whose shadow counts as memory
+TEST_F(SandboxTest, AJobThatNeedsMoreMemoryThanAllowedFailsAtOnceWithOneSentence) {
+  ChildLimits limits;
+  limits.memory = 16 << 20U;
+  const Service service(folder() / "data", RADBAKE_BINARY_DIR "/radbake",
+                        {1, std::chrono::hours(1), Service::SmallLimits(), "", limits});
+  const Answer made =
+      service.client().PostForm({{"scene", ReadFile(RADBAKE_SOURCE_DIR "/scenes/cornell-box.glb"), ""},
+                                 {"parameters", R"({"error": 0.01, "check": 0})", ""}});
+  ASSERT_EQ(made.status, 202) << made.body;
+  const nlohmann::json failed = service.client().WaitFor(made.headers.at("location"), "failed");
+  EXPECT_EQ(failed.at("attempt"), 1);
+  EXPECT_EQ(failed.at("error").at("type"), "urn:radbake:problem:limit");
+  EXPECT_THAT(failed.at("error").at("detail").get<std::string>(), HasSubstr("16777216 bytes of memory"));
+}
+
+TEST_F(SandboxTest, IsLimitedUnlessToldOtherwise) {
+  const std::string limits = (folder() / "limits").string();
+  const std::filesystem::path program = WriteProgram(
+      folder() / "radbake", "for of in d t f n; do ulimit -$of; done > " + limits + "\n" + kBakes);
+  const Daemon daemon(folder() / "data", program);
+  daemon.client().WaitFor(daemon.client().PostScene(), "succeeded");
+  EXPECT_THAT(ReadFile(limits), testing::MatchesRegex("([0-9]+\n){4}"));
+}
+#endif
+
 #ifndef __SANITIZE_THREAD__  // the sandbox keeps the library of such a build from radbake
 TEST_F(SandboxTest, TheRealRadbakeBakesInIt) {
   ChildLimits limits;
