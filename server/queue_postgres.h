@@ -1,7 +1,7 @@
 /// The queue in PostgreSQL, with the files in it: any number of radbaked on any machines share it, and need
 /// nothing else of each other.
 ///
-/// All is in the schema `radbake` of the database, or in that which the URL's search_path names; it is made
+/// All is in the schema `radbake` of the database; it is made
 /// with the first connection, and until that can be had the queue is an empty promise: every function throws
 /// QueueError. So a database that comes late, or goes and comes back, is waited for without harm. One process
 /// has kConnections connections at most, and one more to listen.
