@@ -33,7 +33,8 @@ constexpr std::array kClusterings{std::pair{std::string_view{"auto"}, Clustering
                                   std::pair{std::string_view{"on"}, Clustering::kOn},
                                   std::pair{std::string_view{"off"}, Clustering::kOff}};
 constexpr std::array kFinalGathers{std::pair{std::string_view{"auto"}, FinalGather::kAuto},
-                                   std::pair{std::string_view{"on"}, FinalGather::kOn}};
+                                   std::pair{std::string_view{"on"}, FinalGather::kOn},
+                                   std::pair{std::string_view{"off"}, FinalGather::kOff}};
 
 template <typename Value>
 bool ReadWord(const Json& value, Words<Value> words, Value& out) {
@@ -137,7 +138,7 @@ constexpr std::array kSpecs{
                     return ReadWord<Clustering>(value, kClusterings, p.clustering);
                   },
                   [](const Parameters& p) { return WriteWord<Clustering>(kClusterings, p.clustering); }},
-    ParameterSpec{"final_gather", "auto or on", "the output's irradiance gathered anew at each vertex",
+    ParameterSpec{"final_gather", "auto, on or off", "the output's irradiance gathered anew at each vertex",
                   [](const Json& value, Parameters& p) {
                     return ReadWord<FinalGather>(value, kFinalGathers, p.final_gather);
                   },

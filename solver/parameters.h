@@ -20,7 +20,7 @@ enum class Clustering { kAuto, kOn, kOff };
 
 /// Whether the output's irradiance is gathered anew at each vertex from the links of the hierarchy. It always
 /// is so far: kAuto is kOn.
-enum class FinalGather { kAuto, kOn };
+enum class FinalGather { kAuto, kOn, kOff };
 
 struct OracleParameters {
   /// Elements smaller than this share of the scene's area are not divided.

@@ -211,14 +211,18 @@ Baking BakeTo(double error, double solve_share, double gather_share, const Param
   const Gatherer gatherer(hierarchy, baking.solution.light, baking.solution.links, visibility,
                           GatherOptionsOf(asked));
   OutputMesh mesh(hierarchy, gatherer, baking.solution.links);
-  MeshOptions mesh_options = MeshOptionsOf(asked);
-  mesh_options.stop = [&](double mesh_error, std::size_t /*vertices*/) {
-    watch.progress().error = mesh_error;
-    watch.Report("gather", kSolved + part * (kGathered - kSolved) *
-                                         std::clamp(mesh_options.error / mesh_error, 0.0, 1.0));
-    return watch.Beyond(gather_share);
-  };
-  baking.end = mesh.Refine(mesh_options);
+  if (parameters.final_gather == FinalGather::kOff) {
+    mesh.TakeSolution();
+  } else {
+    MeshOptions mesh_options = MeshOptionsOf(asked);
+    mesh_options.stop = [&](double mesh_error, std::size_t /*vertices*/) {
+      watch.progress().error = mesh_error;
+      watch.Report("gather", kSolved + part * (kGathered - kSolved) *
+                                           std::clamp(mesh_options.error / mesh_error, 0.0, 1.0));
+      return watch.Beyond(gather_share);
+    };
+    baking.end = mesh.Refine(mesh_options);
+  }
   baking.output = Emit(hierarchy, mesh, scene.surfaces.size(), parameters.exposure);
   baking.estimated_error = std::hypot(mesh.error(), 0.5 * error);
   phases.EndOfRays("gather", visibility.Counted().seconds);

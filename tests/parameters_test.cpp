@@ -87,7 +87,7 @@ TEST(Parameters, NameTheKeyAndWhatItTakesWhenAValueIsNotTaken) {
            {R"({"basis": "cubic"})", "basis", "takes constant, linear or quadratic"},
            {R"({"basis": 1})", "basis", "takes constant, linear or quadratic"},
            {R"({"clustering": "sometimes"})", "clustering", "auto, on or off"},
-           {R"({"final_gather": true})", "final_gather", "auto or on"},
+           {R"({"final_gather": true})", "final_gather", "auto, on or off"},
            {R"({"output": {"kind": "lightmap"}})", "output.kind", "takes vertex"},
            {R"({"output": {"exposure": 0}})", "output.exposure", "auto or a number above 0"},
            {R"({"output": {"exposure": "bright"}})", "output.exposure", "auto or a number above 0"},

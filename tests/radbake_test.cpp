@@ -90,6 +90,19 @@ TEST(Accuracy, OfTheOtherScenesIsTwoPercentToo) {
   }
 }
 
+TEST(Accuracy, WithoutFinalGatherIsThatOfTheSolution) {
+  Parameters parameters = Asking(0.02, 1024);
+  const Statistics gathered = Bake(Ours("cornell-box.glb"), parameters).statistics;
+  parameters.final_gather = FinalGather::kOff;
+  const Statistics solution = Bake(Ours("cornell-box.glb"), parameters).statistics;
+  EXPECT_EQ(solution.iterations.back().links, gathered.iterations.back().links);
+  EXPECT_LT(solution.rays, gathered.rays);
+  ASSERT_TRUE(solution.measured && gathered.measured);
+  EXPECT_LT(solution.measured->error, 0.04);
+  EXPECT_LT(std::abs(solution.measured->bias), 0.005);
+  EXPECT_LT(gathered.measured->error, 0.6 * solution.measured->error);
+}
+
 TEST(Bake, NamesWhatItDoesNotUse) {
   const BakeResult result = Bake(Shared("cornell-box-bevy.glb"), Asking(0.2, 0));
   EXPECT_EQ(result.statistics.scene.triangles, 36U);

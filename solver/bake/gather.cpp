@@ -57,7 +57,7 @@ Index Gatherer::SolverLeaf(Index element, const Vec3& x) const {
   while (element >= solved) {
     element = hierarchy_[element].parent;
   }
-  while (!hierarchy_[element].IsLeaf() && hierarchy_[element].first_child < solved) {
+  while (!IsSolverLeaf(element)) {
     const Index first = hierarchy_[element].first_child;
     double deepest = -std::numeric_limits<double>::infinity();
     for (Index child = first; child < first + 4; ++child) {

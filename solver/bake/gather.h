@@ -29,6 +29,14 @@ class Gatherer {
   /// Does no light get to `x` in `leaf`, as under a body that stands there (Visibility::IsSealed)?
   bool IsSealed(const Vec3& x, Index leaf) const;
 
+  /// Does the solution know of no light that gets anywhere in `leaf`?
+  bool IsSealed(Index leaf) const { return !(light_.open[leaf] > 0); }
+
+  /// Has `element` no children that the solver made?
+  bool IsSolverLeaf(Index element) const {
+    return hierarchy_[element].IsLeaf() || hierarchy_[element].first_child >= light_.irradiance.size();
+  }
+
   /// Does another patch lie over a part of this one?
   bool MayBeCovered(Index patch) const { return visibility_.overlaps().AnyOver(patch); }
 

@@ -209,7 +209,7 @@ bool OutputMesh::GatherVertices(const std::function<bool()>& stop, Source source
       if (std::find(seen.begin(), seen.end(), leaf) != seen.end()) {
         continue;
       }
-      if (source == Source::kRays && gatherer_.IsSealed(x, leaf)) {
+      if (source == Source::kRays ? gatherer_.IsSealed(x, leaf) : gatherer_.IsSealed(leaf)) {
         sealed = true;
         continue;
       }
@@ -239,6 +239,7 @@ bool OutputMesh::GatherCentres(const std::function<bool()>& stop, Source source)
     const Vec3 x = centre + kOff * (0.6 * (shape[0] - centre) + 0.4 * (shape[1] - centre));
     const Index leaf = gatherer_.SolverLeaf(e, x);
     if (source == Source::kSolution) {
+      sealed_centre_[e] = gatherer_.IsSealed(leaf) ? 1 : 0;
       centre_[e] = gatherer_.Solved(leaf, x);
       return;
     }
@@ -303,6 +304,24 @@ MeshEnd OutputMesh::Refine(const MeshOptions& options) {
   const MeshEnd end = DivideWhereItMatters(options);
   CoverSealed();
   return end;
+}
+
+void OutputMesh::TakeSolution() {
+  for (std::size_t k = 0; k < cut_.size();) {
+    if (!IsLit(cut_[k]) || gatherer_.IsSolverLeaf(cut_[k])) {
+      ++k;
+      continue;
+    }
+    const Index first = hierarchy_[cut_[k]].first_child;
+    cut_[k] = first;
+    cut_.insert(cut_.end(), {first + 1, first + 2, first + 3});
+  }
+  GrowWithHierarchy();
+  WalkEdges();
+  GatherVertices({}, Source::kSolution);
+  GatherCentres({}, Source::kSolution);
+  SquaredErrors();
+  CoverSealed();
 }
 
 MeshEnd OutputMesh::DivideWhereItMatters(const MeshOptions& options) {

@@ -41,6 +41,10 @@ class OutputMesh {
   /// are gathered takes the rest of them from the solution. The same on any number of threads. Once only.
   MeshEnd Refine(const MeshOptions& options);
 
+  /// Instead: the solver's leaves as they are, with the mean of what the solution has where they meet (linear
+  /// interpolation of constants: Cohen, Greenberg 1985). Casts no ray.
+  void TakeSolution();
+
   /// Estimated relative RMS error of the interpolation.
   double error() const { return error_; }
   std::size_t vertex_count() const { return gathered_; }

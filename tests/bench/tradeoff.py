@@ -3,7 +3,8 @@
 
     tradeoff.py --radbake build/release/bin/radbake --out build/tradeoff [--scenes cornell-box,two-rooms]
 
-Runs `radbake bake` for every method over its accuracy range on each scene, and `radbake check` on every result.
+Runs `radbake bake` for every method and basis over its accuracy range on each scene, without the final gather and, for
+the default, with it, and `radbake check` on every result.
 Writes tradeoff.json (all that was measured), tradeoff.md (tables) and one SVG a scene and quantity into --out. A
 method's range ends where a bake takes longer than --longest seconds. Times are processor seconds of the bake, without
 the check. Needs nothing but Python 3.
@@ -26,7 +27,17 @@ from tradeoff_plot import log_plot
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 OURS = ROOT / "scenes"
 SHARED = ROOT / ".." / "shared" / "scenes"
-METHODS = ("matrix", "two-level", "hierarchical", "adaptive")
+# The solution of each method as it is, and the default: the best of them gathered anew for the output.
+SOLUTIONS = {
+    "matrix": ["--method", "matrix"],
+    "two-level": ["--method", "two-level"],
+    "hierarchical": ["--method", "hierarchical"],
+    "adaptive": ["--method", "adaptive"],
+    "adaptive, linear": ["--method", "adaptive", "--basis", "linear"],
+    "adaptive, quadratic": ["--method", "adaptive", "--basis", "quadratic"],
+}
+CURVES = {name: [*flags, "--final-gather", "off"] for name, flags in SOLUTIONS.items()}
+CURVES["adaptive, final gather"] = ["--method", "adaptive"]
 ERRORS = (0.2, 0.1, 0.06, 0.04, 0.03, 0.02, 0.014, 0.01)
 # Methods that link all pairs of patches at least: of more patches than this they would need all memory.
 FLAT, MOST_PATCHES = ("matrix", "two-level"), 300
@@ -116,14 +127,14 @@ class Bench:
     def trade(self, name):
         runs = {}
         patches = 0
-        # `adaptive` first: it says how many patches there are.
-        for method in reversed(METHODS):
-            if method in FLAT and patches > MOST_PATCHES:
+        # The quick ones first: it says how many patches there are.
+        for curve, flags in reversed(CURVES.items()):
+            if curve in FLAT and patches > MOST_PATCHES:
                 continue
-            print(f"  {name}, {method}", flush=True)
-            settings = [["--method", method, "--error", str(error)] for error in ERRORS]
-            runs[method] = self.sweep(SCENES[name], settings)
-            patches = max([patches] + [run["patches"] for run in runs[method]])
+            print(f"  {name}, {curve}", flush=True)
+            settings = [["--error", str(error), *flags] for error in ERRORS]
+            runs[curve] = self.sweep(SCENES[name], settings)
+            patches = max([patches] + [run["patches"] for run in runs[curve]])
         return {"runs": runs, "patches": patches}
 
     def growth(self, scene, settings_by_name):
@@ -184,8 +195,8 @@ def write_plots(report, out):
     for name, scene in report["scenes"].items():
         for quantity, label in (("seconds", "processor seconds"), ("links", "links"), ("rays", "rays"),
                                 ("factors", "form factors"), ("peak_bytes", "peak memory in bytes")):
-            curves = {method: [(run[quantity], 100 * run["error"]["relative_rms"]) for run in runs]
-                      for method, runs in scene["runs"].items()}
+            curves = {curve: [(run[quantity], 100 * run["error"]["relative_rms"]) for run in runs]
+                      for curve, runs in scene["runs"].items()}
             (out / f"{name}-{quantity}.svg").write_text(
                 log_plot(f"{name}: measured error", label, "relative RMS error in %", curves))
     for key, title in (("growth", "Links of the Cornell box"), ("touching", "Links of two touching plates")):
@@ -206,21 +217,21 @@ def markdown(report):
         if scene["patches"] > MOST_PATCHES:
             text += f"`matrix` and `two-level` link all pairs of its {scene['patches']} patches: not run.\n\n"
         rows = []
-        for method, runs in scene["runs"].items():
+        for curve, runs in scene["runs"].items():
             for run in runs:
                 error = run["error"]
-                rows.append([method, f"{100 * float(run['flags'][3]):g} %",
+                rows.append([curve, f"{100 * float(run['flags'][1]):g} %",
                              f"{100 * error['relative_rms']:.2f} % ({100 * error['low']:.2f} to "
                              f"{100 * error['high']:.2f})", f"{100 * error['bias']:.2f} %",
                              f"{100 * run['imbalance']:.2f} %", f"{run['elements']:,}", f"{run['links']:,}",
                              f"{run['factors']:,}", f"{run['rays'] / 1e6:.1f} million", f"{run['seconds']:.1f}",
                              f"{run['peak_bytes'] / 1e6:.0f} MB"])
-        text += table(["method", "asked", "measured", "bias", "imbalance", "elements", "links", "form factors",
+        text += table(["", "asked", "measured", "bias", "imbalance", "elements", "links", "form factors",
                        "rays", "seconds", "memory"], rows)
-        needed = {method: factors_to(runs, 0.02) for method, runs in scene["runs"].items()}
+        needed = {curve: factors_to(runs, 0.02) for curve, runs in scene["runs"].items()}
         text += "\nForm factors to 2 %: " + ", ".join(
-            f"`{method}` {count:,}" if count else f"`{method}` more than its range here"
-            for method, count in needed.items()) + ".\n"
+            f"{curve} {count:,}" if count else f"{curve} more than its range here"
+            for curve, count in needed.items()) + ".\n"
     for key, title in (("growth", "Links against elements, the Cornell box"),
                        ("touching", "Two plates that touch at a right angle (Garmann 1995)")):
         text += f"\n## {title}\n\n"

@@ -4,7 +4,7 @@ from xml.sax.saxutils import escape
 
 WIDTH, HEIGHT = 640, 420
 LEFT, RIGHT, TOP, BOTTOM = 70, 190, 36, 50
-COLOURS = ("#1b6ca8", "#c8553d", "#4c956c", "#8e5ea2", "#b08900")
+COLOURS = ("#1b6ca8", "#c8553d", "#4c956c", "#8e5ea2", "#b08900", "#d17ba5", "#222222")
 
 
 def ticks(low, high):
