@@ -37,8 +37,10 @@ SOLUTIONS = {
     "adaptive, quadratic": ["--method", "adaptive", "--basis", "quadratic"],
 }
 CURVES = {name: [*flags, "--final-gather", "off"] for name, flags in SOLUTIONS.items()}
-CURVES["adaptive, final gather"] = ["--method", "adaptive"]
-ERRORS = (0.2, 0.1, 0.06, 0.04, 0.03, 0.02, 0.014, 0.01)
+DEFAULT = "adaptive, final gather"
+CURVES[DEFAULT] = ["--method", "adaptive"]
+ERRORS = (0.2, 0.1, 0.05, 0.03, 0.02, 0.014, 0.01)
+DIAL = (0.1, 0.05, 0.02, 0.01)
 # Methods that link all pairs of patches at least: of more patches than this they would need all memory.
 FLAT, MOST_PATCHES = ("matrix", "two-level"), 300
 SCENES = {
@@ -49,6 +51,9 @@ SCENES = {
     "plates-parallel": (OURS / "plates-parallel.glb", []),
     "plates-perpendicular": (OURS / "plates-perpendicular.glb", []),
     "plates-occluded": (OURS / "plates-occluded.glb", []),
+    "tube": (OURS / "tube.glb", []),
+    "three-lights": (OURS / "three-lights.glb", []),
+    "window-room": (OURS / "window-room.glb", ["--environment.radiance", "[1000, 1000, 1000]"]),
     "cornell-box-bevy": (SHARED / "cornell-box-bevy.glb", []),
     "living-room": (SHARED / "living-room.glb", ["--environment.radiance", "[1, 1, 1]"]),
     "spheres-room": (SHARED / "spheres-room.glb", []),
@@ -124,12 +129,12 @@ class Bench:
                 break
         return runs
 
-    def trade(self, name):
+    def trade(self, name, curves):
         runs = {}
         patches = 0
         # The quick ones first: it says how many patches there are.
         for curve, flags in reversed(CURVES.items()):
-            if curve in FLAT and patches > MOST_PATCHES:
+            if curve not in curves or curve in FLAT and patches > MOST_PATCHES:
                 continue
             print(f"  {name}, {curve}", flush=True)
             settings = [["--error", str(error), *flags] for error in ERRORS]
@@ -210,8 +215,26 @@ def table(header, rows):
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
 
 
+def dial(report):
+    """What was asked for, and what came out, by default; of errors that a second check would also find."""
+    rows, ratios = [], []
+    for name, scene in report["scenes"].items():
+        measured = {float(run["flags"][1]): run["error"]["relative_rms"] for run in scene["runs"].get(DEFAULT, [])}
+        measured = {error: measured[error] for error in DIAL if error in measured}
+        ratios += [found / error for error, found in measured.items()]
+        rows.append([name] + [f"{100 * measured[error]:.2f} %" if error in measured else "–" for error in DIAL])
+    if not ratios:
+        return ""
+    share = sum(ratio <= 1 for ratio in ratios) / len(ratios)
+    used = sum(ratio >= 1 / 3 for ratio in ratios) / len(ratios)
+    return ("\n## The dial: asked and measured\n\n" +
+            table([""] + [f"{100 * error:g} %" for error in DIAL], rows) +
+            f"\nAt most what was asked in {100 * share:.0f} % of {len(ratios)} cases, at worst {max(ratios):.2f} times "
+            f"it; above a third of it in {100 * used:.0f} %.\n")
+
+
 def markdown(report):
-    text = f"# The trade, measured\n\n{report['blender']}.\n"
+    text = f"# The trade, measured\n\n{report['blender']}.\n" + dial(report)
     for name, scene in report["scenes"].items():
         text += f"\n## {name}\n\n"
         if scene["patches"] > MOST_PATCHES:
@@ -247,6 +270,7 @@ def main():
     arguments.add_argument("--radbake", required=True)
     arguments.add_argument("--out", required=True, type=pathlib.Path)
     arguments.add_argument("--scenes", help="names, with commas; all by default")
+    arguments.add_argument("--curves", help="names, with semicolons; all by default")
     arguments.add_argument("--probes", type=int, default=1024)
     arguments.add_argument("--longest", type=float, default=60, help="wall seconds of a bake that end a range")
     given = arguments.parse_args()
@@ -255,6 +279,9 @@ def main():
     unknown = set(names) - set(SCENES)
     if unknown:
         sys.exit(f"tradeoff: no scene {', '.join(sorted(unknown))}; there are {', '.join(SCENES)}")
+    curves = given.curves.split(";") if given.curves else list(CURVES)
+    if set(curves) - set(CURVES):
+        sys.exit(f"tradeoff: the curves are {'; '.join(CURVES)}")
     bench = Bench(given.radbake, given.out, given.probes, given.longest)
     plates = given.out / "touching-plates.gltf"
     plates.write_text(json.dumps(touching_plates()))
@@ -262,9 +289,9 @@ def main():
         "cores": os.cpu_count(),
         "blender": "Cycles is not among the curves: no `blender` on this machine" if not shutil.which("blender")
                    else "Cycles is not among the curves: this driver does not run `blender`",
-        "growth": bench.growth(SCENES["cornell-box"], growth_settings()),
-        "touching": bench.growth((plates, []), touching_settings()),
-        "scenes": {name: bench.trade(name) for name in names if SCENES[name][0].exists()},
+        "growth": bench.growth(SCENES["cornell-box"], growth_settings()) if not given.curves else {},
+        "touching": bench.growth((plates, []), touching_settings()) if not given.curves else {},
+        "scenes": {name: bench.trade(name, curves) for name in names if SCENES[name][0].exists()},
     }
     (given.out / "tradeoff.json").write_text(json.dumps(report, indent=1))
     (given.out / "tradeoff.md").write_text(markdown(report))
