@@ -1,12 +1,16 @@
 #!/usr/bin/env python3
-"""What radbaked bears, measured: status requests while two bakes run (by wrk), memory over 10,000 requests, and memory
-over a 256 MB upload. Says each figure; ends with 1 where memory grows more than it may.
+"""What radbaked bears, measured: status requests while two bakes run (by wrk), memory over 10,000 requests, memory over a
+256 MB upload, and 1,000 jobs from queue to end; with --database the last two in PostgreSQL too, and two workers beside
+one, each on a core of its own. Says each figure; ends with 1 where memory grows more than it may or a job is lost.
 
-    tests/bench/load.py [--programs build/release/bin] [--connections 500] [--seconds 20]
+    tests/bench/load.py [--programs build/release/bin] [--connections 500] [--seconds 20] [--database postgresql://…]
+
+The database must be empty; it is left with jobs that are forgotten in a day.
 """
 import argparse
 import http.client
 import json
+import os
 import pathlib
 import re
 import shutil
@@ -20,17 +24,20 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 MOST_GROWTH_OVER_REQUESTS = 4 << 20
 MOST_GROWTH_OVER_UPLOAD = 32 << 20
 UPLOAD = 256 << 20
+JOBS = 1000
+SHARED_JOBS = 200
 
 
 class Service:
     """A radbaked of its own, in a folder of its own."""
 
-    def __init__(self, programs):
+    def __init__(self, programs, *flags, core=None):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="radbaked-load-"))
         self.log = open(self.folder / "log", "wb")
         self.process = subprocess.Popen(
             [programs / "radbaked", "--listen", "127.0.0.1:0", "--data", self.folder / "data", "--workers", "2",
-             "--grace", "0s"], stdout=subprocess.PIPE, stderr=self.log, text=True)
+             "--grace", "0s", *flags], stdout=subprocess.PIPE, stderr=self.log, text=True,
+            preexec_fn=None if core is None else lambda: os.sched_setaffinity(0, {core}))
         self.url = self.process.stdout.readline().removeprefix("listening on ").strip()
         self.address = self.url.removeprefix("http://")
 
@@ -118,24 +125,85 @@ def large_upload(service):
     return status == "202" and growth <= MOST_GROWTH_OVER_UPLOAD
 
 
+def queue_jobs(service, count):
+    """Posts small jobs, one after the other; how many seconds that took."""
+    begin = time.monotonic()
+    for _ in range(count):
+        service.bake(ROOT / "scenes/furnace-box.glb", {"error": 0.3, "check": 0})
+    return time.monotonic() - begin
+
+
+def count_jobs(service):
+    """How many jobs there are in each state."""
+    text = service.ask("GET", "/metrics")[1].decode()
+    count = lambda state: int(re.search(rf'radbaked_jobs{{state="{state}"}} (\d+)', text)[1])
+    return {state: count(state) for state in ("queued", "running", "succeeded", "failed")}
+
+
+def wait_until_ended(service, before):
+    """Until all have ended; how many have succeeded since, and in how many seconds."""
+    begin = time.monotonic()
+    while (now := count_jobs(service))["queued"] + now["running"] > 0:
+        time.sleep(0.05)
+    return now["succeeded"] - before["succeeded"], time.monotonic() - begin
+
+
+def many_jobs(service):
+    before = count_jobs(service)
+    queued = queue_jobs(service, JOBS)
+    done, more = wait_until_ended(service, before)
+    print(f"jobs: {JOBS:,} queued in {queued:.1f} s, {done:,} succeeded after {queued + more:.1f} s; memory at most "
+          f"{service.memory('VmHWM') / 2**20:.1f} MB")
+    return done == JOBS
+
+
+def shared_jobs(programs, database):
+    """The same jobs by one worker and by two."""
+    rates = []
+    for workers in (1, 2):
+        api = Service(programs, "--role", "api", "--database", database)
+        before = count_jobs(api)
+        queue_jobs(api, SHARED_JOBS)
+        begin = time.monotonic()
+        running = [Service(programs, "--role", "worker", "--workers", "1", "--database", database, core=core)
+                   for core in range(workers)]
+        done, _ = wait_until_ended(api, before)
+        rates.append(done / (time.monotonic() - begin))
+        shares = [re.search(r'outcome="baked"} (\d+)', one.ask("GET", "/metrics")[1].decode()) for one in running]
+        print(f"shared: {done} of {SHARED_JOBS} jobs by {workers} workers, {rates[-1]:.1f} a second; each took "
+              f"{' and '.join(share[1] if share else '0' for share in shares)}")
+        for service in [api, *running]:
+            service.stop()
+    print(f"shared: two workers are {rates[1] / rates[0]:.2f} times as fast as one")
+    return done == SHARED_JOBS
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--programs", type=pathlib.Path, default=ROOT / "build/release/bin")
     parser.add_argument("--connections", type=int, default=500)
     parser.add_argument("--seconds", type=int, default=20)
+    parser.add_argument("--database")
     arguments = parser.parse_args()
     for tool in ("wrk", "curl"):
         if shutil.which(tool) is None:
             sys.exit(f"load: {tool} is not there: run 'deploy/install load' first")
     good = True
+    programs = arguments.programs.resolve()
+    kept = ["--database", arguments.database] if arguments.database else []
     # A service each: the memory that one has taken says nothing of the others.
-    for measure in (lambda service: status_requests(service, arguments.connections, arguments.seconds), many_requests,
-                    large_upload):
-        service = Service(arguments.programs.resolve())
+    for measure, flags in ((lambda service: status_requests(service, arguments.connections, arguments.seconds), []),
+                           (many_requests, []), (large_upload, []), (many_jobs, []),
+                           *([(large_upload, kept), (many_jobs, kept)] if kept else [])):
+        service = Service(programs, *flags)
+        if flags:
+            print("in PostgreSQL:")
         try:
             good = measure(service) and good
         finally:
             service.stop()
+    if kept:
+        good = shared_jobs(programs, arguments.database) and good
     sys.exit(0 if good else 1)
 
 
