@@ -17,6 +17,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kHeadReadSize = 16384;
+constexpr std::chrono::seconds kLinger{5};
+constexpr std::chrono::seconds kLingerInACrowd{1};
 
 // Reads what is there, and forgets it. True when the client has closed.
 bool Forget(const ClientSocket& socket) {
@@ -79,7 +81,8 @@ void Front::Take(int socket) {
 
 void Front::Linger(ClientSocket socket) {
   ::shutdown(socket.descriptor.get(), SHUT_WR);
-  Add({{std::move(socket), "", std::nullopt}, Clock::now() + limits_.head_time, true});
+  const auto time = *count_ > limits_.connections ? kLingerInACrowd : kLinger;
+  Add({{std::move(socket), "", std::nullopt}, Clock::now() + time, true});
 }
 
 void Front::Add(Waiting waiting) {

@@ -27,8 +27,8 @@ class Front {
   /// Takes over an accepted socket.
   void Take(int socket);
   /// Takes over a socket to which an answer was written though the request had not come to its end. It is
-  /// closed when the client has closed it, or after the time that a head may take: closed before, it would
-  /// take from the client what that has not read of the answer.
+  /// closed when the client has closed it, or after a few seconds, of which there are fewer where there are
+  /// too many connections: closed before, it would take from the client what that has not read of the answer.
   void Linger(ClientSocket socket);
   /// Drops all connections that it holds, also those to come.
   void Stop();
