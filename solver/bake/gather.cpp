@@ -122,8 +122,20 @@ Rgb Gatherer::Shooting(Index shooter, const Vec3& x, const Vec3& n) const {
   if (!IsElement(shooter) || !light_.IsShaped(shooter)) {
     return light_.Shooting(hierarchy_, shooter, x);
   }
+  const ConstCoefficients polynomial = light_.ShootingPolynomial(shooter);
+  double shape = 0;
+  for (const Rgb& coefficient : polynomial.subspan(1)) {
+    shape += std::pow(Luminance(coefficient), 2);
+  }
+  // From far off all of it is seen as well, and even ones look the same from everywhere.
+  constexpr double kEven = 0.005;
+  const double distance = (light_.basis[shooter].centroid() - x).norm();
+  const double uneven = std::min(1.0, 2 * std::sqrt(hierarchy_[shooter].area) / distance);
+  if (std::sqrt(shape) * uneven <= kEven * Luminance(polynomial[0])) {
+    return polynomial[0];
+  }
   const BasisEnd end(hierarchy_, light_.basis, shooter);
-  return Evaluate(light_.ShootingPolynomial(shooter), SeenFrom(x, n, end)).max(0.0);
+  return Evaluate(polynomial, SeenFrom(x, n, end)).max(0.0);
 }
 
 Rgb Gatherer::Solved(Index leaf, const Vec3& x) const {

@@ -69,7 +69,7 @@ Quadrature::Quadrature(const Polygon& element, std::size_t count) {
 
 ElementBasis::ElementBasis(const Polygon& element, std::size_t count) : count_(count), more_{} {
   const Quadrature rule(element, count);
-  const Vec3 corner = element[0];
+  const Vec3& corner = element[0];
   Vec3 longest = Vec3::Zero();
   for (int k = 0; k < element.count; ++k) {
     const Vec3 edge = element[(k + 1) % element.count] - element[k];

@@ -48,6 +48,7 @@ class ElementBasis {
  public:
   ElementBasis(const Polygon& element, std::size_t count);
   BasisValues At(const Vec3& x) const;
+  const Vec3& centroid() const { return origin_; }
 
  private:
   std::size_t count_;

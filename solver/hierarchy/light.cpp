@@ -60,7 +60,7 @@ void PullCoefficients(const Hierarchy& hierarchy, const Basis& basis, std::span<
                       std::span<Rgb> all) {
   const std::size_t count = basis.count();
   const Coefficients own = all.subspan(count * e, count);
-  const Rgb mean = own[0];
+  Rgb mean = own[0];
   const std::array<Rgb, kMostInBasis> flat = {mean,        Rgb::Zero(), Rgb::Zero(),
                                               Rgb::Zero(), Rgb::Zero(), Rgb::Zero()};
   std::ranges::fill(own, Rgb::Zero());

@@ -133,7 +133,7 @@ class Emitters {
 class RayBalance {
  public:
   RayBalance(const Hierarchy& hierarchy, const Light& light, const Visibility& visibility)
-      : hierarchy_(hierarchy), visibility_(visibility), emitters_(hierarchy, light) {}
+      : hierarchy_(hierarchy), light_(light), visibility_(visibility), emitters_(hierarchy, light) {}
 
   Ends Trace(std::size_t batch) const {
     Ends ends;
@@ -147,7 +147,7 @@ class RayBalance {
           origin.leaf != kNone ? FromLeaf(origin.leaf, random, rays) : emitters_.Start(origin, random.Next());
       const auto hit = visibility_.caster().Closest(ray.origin, ray.direction);
       const Rgb carried = origin.power / Luminance(origin.power) * (emitters_.power() / kRays) *
-                          Attenuation(origin, ray, hit);
+                          Attenuation(origin, ray, hit) * Unevenness(origin, ray.origin);
       if (origin.leaf == kNone) {
         ends.emitted += carried;
       }
@@ -178,6 +178,16 @@ class RayBalance {
     return {x, CosineDirection(shape.normal, u[2], u[3])};
   }
 
+  /// What leaves a leaf's polynomial at `x`, over its mean.
+  Rgb Unevenness(const Origin& origin, const Vec3& x) const {
+    if (origin.leaf == kNone || light_.basis.count() == 1) {
+      return Rgb::Ones();
+    }
+    const ConstCoefficients polynomial = light_.ShootingPolynomial(origin.leaf);
+    return (polynomial[0] > 0)
+        .select(Evaluate(polynomial, light_.basis.At(origin.leaf, x)) / polynomial[0], 1.0);
+  }
+
   /// The share of a light's intensity that arrives where the ray ends; a light with a range lights nothing
   /// beyond it.
   static double Attenuation(const Origin& origin, const Ray& ray, const std::optional<RayCaster::Hit>& hit) {
@@ -189,6 +199,7 @@ class RayBalance {
   }
 
   const Hierarchy& hierarchy_;
+  const Light& light_;
   const Visibility& visibility_;
   Emitters emitters_;
 };

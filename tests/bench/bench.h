@@ -11,6 +11,8 @@ namespace radbake::bench {
 
 /// `Bake`: whole bakes, each in a process of its own. Must run first: see there.
 void RegisterBakes();
+/// `Basis`: what the order of the basis is worth.
+void RegisterBases();
 /// `Links`: links against elements at a fixed F_max.
 void RegisterLinks();
 /// `Oracle`: what the adaptive oracle's terms are worth.

@@ -30,6 +30,7 @@ int main(int argc, char** argv) {
     return 2;
   }
   radbake::bench::RegisterBakes();
+  radbake::bench::RegisterBases();
   radbake::bench::RegisterLinks();
   radbake::bench::RegisterOracles();
   radbake::bench::RegisterTransport();

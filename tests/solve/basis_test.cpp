@@ -1,5 +1,4 @@
-/// The higher bases through the whole solver: their couplings against plain sums over many points, furnaces,
-/// energy, and that all orders find the same light.
+/// The higher bases through the whole solver: furnaces, energy, and that all orders find the same light.
 #include <gtest/gtest.h>
 #include <oneapi/tbb/global_control.h>
 
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "solver/gltf/document.h"
+#include "solver/refine/linker.h"
 #include "solver/solve/couplings.h"
 #include "solver/solve/energy.h"
 #include "solver/solve/radiosity_operator.h"
@@ -19,11 +19,16 @@
 #include "solver/transport/form_factor.h"
 #include "tests/solve/solved_scene_test.h"
 #include "tests/test_scenes.h"
+#include "tests/transport/plate_pair_test.h"
 
 namespace radbake {
 namespace {
 
+using testing::CeilingPlate;
+using testing::kFloorPlate;
+using testing::PlatePair;
 using testing::SolvedScene;
+using testing::WallPlate;
 
 constexpr std::array kOrders = {BasisOrder::kConstant, BasisOrder::kLinear, BasisOrder::kQuadratic};
 constexpr std::array kHigher = {BasisOrder::kLinear, BasisOrder::kQuadratic};
@@ -35,130 +40,6 @@ const char* NameOf(BasisOrder order) {
 
 Scene LoadForBases(const std::string& name) {
   return gltf::Document(gltf::ReadSource(RADBAKE_SOURCE_DIR "/scenes/" + name)).scene();
-}
-
-/// Two patches, each with a basis.
-struct Pair {
-  Pair(const std::array<Vec3, 4>& a, const std::array<Vec3, 4>& b, BasisOrder order) {
-    Scene scene;
-    const Index material = testing::AddMaterial(scene, 0.5, 1);
-    testing::AddQuad(scene, material, a[0], a[1], a[2], a[3]);
-    testing::AddQuad(scene, material, b[0], b[1], b[2], b[3]);
-    patches = CutIntoPatches(scene);
-    hierarchy.emplace(patches);
-    basis = Basis(order);
-    basis.Extend(*hierarchy);
-  }
-
-  /// T_ij by the kernel at pairs of points: three of Gauss and Legendre in each of `cells`⁴ cells.
-  double Brute(std::size_t i, std::size_t j, int cells) const {
-    const Polygon to = hierarchy->Shape(0);
-    const Polygon from = hierarchy->Shape(1);
-    const auto points_of = [&](const Polygon& p) {
-      const std::array<double, 3> node = {0.5 - std::sqrt(0.15), 0.5, 0.5 + std::sqrt(0.15)};
-      const std::array<double, 3> weight = {5.0 / 18, 8.0 / 18, 5.0 / 18};
-      std::vector<QuadraturePoint> points;
-      for (int s = 0; s < 3 * cells; ++s) {
-        for (int t = 0; t < 3 * cells; ++t) {
-          const auto a = static_cast<std::size_t>(s % 3);
-          const auto b = static_cast<std::size_t>(t % 3);
-          points.push_back(
-              {p[0] + (s / 3 + node[a]) / cells * (p[1] - p[0]) + (t / 3 + node[b]) / cells * (p[3] - p[0]),
-               weight[a] * weight[b] / (cells * cells)});
-        }
-      }
-      return points;
-    };
-    const std::vector<QuadraturePoint> on_from = points_of(from);
-    double sum = 0;
-    for (const QuadraturePoint& x : points_of(to)) {
-      double seen = 0;
-      for (const QuadraturePoint& y : on_from) {
-        const Vec3 along = y.x - x.x;
-        const double cosines = std::max(0.0, along.dot(to.normal)) * std::max(0.0, -along.dot(from.normal));
-        seen += y.weight * basis.At(1, y.x)[j] * cosines / std::pow(along.squaredNorm(), 2);
-      }
-      sum += x.weight * basis.At(0, x.x)[i] * seen;
-    }
-    return sum / std::numbers::pi * hierarchy->Area(1);
-  }
-
-  std::vector<float> Coupled() const {
-    std::vector<float> couplings(basis.count() * (basis.count() - 1));
-    CoupleShaped({*hierarchy, basis, 0}, {*hierarchy, basis, 1}, basis.count(), couplings);
-    return couplings;
-  }
-
-  Patches patches;
-  std::optional<Hierarchy> hierarchy;
-  Basis basis;
-};
-
-const std::array<Vec3, 4> kFloor = {Vec3(0, 0, 0), Vec3(0, 0, 1), Vec3(1, 0, 1), Vec3(1, 0, 0)};
-
-std::array<Vec3, 4> Ceiling(double height) {
-  return {Vec3(0.3, height, 0), Vec3(1.3, height, 0), Vec3(1.3, height, 0.8), Vec3(0.3, height, 0.8)};
-}
-std::array<Vec3, 4> Wall(double distance, double base) {
-  return {Vec3(-distance, base, 0), Vec3(-distance, base + 1, 0), Vec3(-distance, base + 1, 1),
-          Vec3(-distance, base, 1)};
-}
-
-/// The largest error of a coupling, as a share of the form factor.
-double ErrorOfCouplings(const std::array<Vec3, 4>& shooter, BasisOrder order) {
-  const Pair pair(kFloor, shooter, order);
-  const std::vector<float> couplings = pair.Coupled();
-  constexpr int kCells = 5;
-  double worst = 0;
-  for (std::size_t i = 0; i < pair.basis.count(); ++i) {
-    for (std::size_t j = 1; j < pair.basis.count(); ++j) {
-      const double coupling = static_cast<double>(couplings[(pair.basis.count() - 1) * i + j - 1]);
-      worst = std::max(worst, std::abs(coupling - pair.Brute(i, j, kCells)));
-    }
-  }
-  return worst / pair.Brute(0, 0, kCells);
-}
-
-TEST(BasisCouplings, AreTheKernelsMomentsTheMoreExactlyTheSmootherItIs) {
-  EXPECT_LT(ErrorOfCouplings(Ceiling(1.5), BasisOrder::kLinear), 0.012);
-  EXPECT_LT(ErrorOfCouplings(Ceiling(4), BasisOrder::kLinear), 0.0008);
-  EXPECT_LT(ErrorOfCouplings(Ceiling(1.5), BasisOrder::kQuadratic), 0.003);
-  EXPECT_LT(ErrorOfCouplings(Ceiling(4), BasisOrder::kQuadratic), 0.0002);
-  EXPECT_LT(ErrorOfCouplings(Wall(1, 0.5), BasisOrder::kLinear), 0.03);
-  EXPECT_LT(ErrorOfCouplings(Wall(4, 2), BasisOrder::kLinear), 0.001);
-  EXPECT_LT(ErrorOfCouplings(Wall(1, 0.5), BasisOrder::kQuadratic), 0.01);
-  EXPECT_LT(ErrorOfCouplings(Wall(4, 2), BasisOrder::kQuadratic), 0.0002);
-}
-
-TEST(BasisCouplings, OfTouchingPlatesKeepTheirEnergyAndAreBounded) {
-  for (const BasisOrder order : kHigher) {
-    const Pair pair(kFloor, Wall(0, 0), order);
-    const std::vector<float> couplings = pair.Coupled();
-    const Polygon floor = pair.hierarchy->Shape(0);
-    const Polygon wall = pair.hierarchy->Shape(1);
-    constexpr double kFormFactor = 0.2000438;  // of squares that share an edge
-    // What the floor gets of each φ_j of the wall: by the closed form from many points of it.
-    std::vector<double> means(pair.basis.count());
-    constexpr int kSteps = 200;
-    for (int s = 0; s < kSteps; ++s) {
-      for (int t = 0; t < kSteps; ++t) {
-        const Vec3 y =
-            wall[0] + (s + 0.5) / kSteps * (wall[1] - wall[0]) + (t + 0.5) / kSteps * (wall[3] - wall[0]);
-        const double seen = PointToPolygon(y, wall.normal, floor) / (kSteps * kSteps);
-        for (std::size_t j = 0; j < means.size(); ++j) {
-          means[j] += seen * pair.basis.At(1, y)[j];
-        }
-      }
-    }
-    EXPECT_NEAR(means[0], kFormFactor, 1e-4);
-    for (std::size_t j = 1; j < means.size(); ++j) {
-      EXPECT_NEAR(static_cast<double>(couplings[j - 1]), means[j], 0.03 * kFormFactor)
-          << NameOf(order) << " " << j;
-    }
-    for (const float coupling : couplings) {
-      EXPECT_LT(std::abs(coupling), 2 * kFormFactor);
-    }
-  }
 }
 
 SolveOptions CoarseIn(Refinement refinement, BasisOrder order) {
@@ -267,6 +148,246 @@ double Lowest(const SolvedScene& solved) {
     }
   }
   return lowest / brightest;
+}
+
+/// How far the solution, read at places all over, is from what is gathered there: RMS, relative.
+double ErrorOfSolution(const Hierarchy& hierarchy, const Visibility& visibility, const Solution& solution) {
+  const Gatherer gatherer(hierarchy, solution.light, solution.links, visibility, {.rays = 64});
+  double difference = 0;
+  double square = 0;
+  for (Index e = 0; e < hierarchy.size(); ++e) {
+    if (!hierarchy[e].IsLeaf() || hierarchy.IsSky(e)) {
+      continue;
+    }
+    QuasiRandom<2> random(Hash(e));
+    for (int k = 0; k < 4; ++k) {
+      const auto u = random.Next();
+      const Vec3 x = PointOn(hierarchy.Shape(e), u[0], u[1]);
+      const Rgb gathered = gatherer.Irradiance(x, e, Hash(e) + static_cast<std::uint64_t>(k));
+      difference += hierarchy[e].area * (gatherer.Solved(e, x) - gathered).square().sum();
+      square += hierarchy[e].area * gathered.square().sum();
+    }
+  }
+  return std::sqrt(difference / square);
+}
+
+TEST(BasisLights, WithoutAreaLightALeafUnevenly) {
+  std::array<double, 3> error{};
+  for (const BasisOrder order : kOrders) {
+    const SolvedScene solved(LoadForBases("three-lights.glb"), CoarseIn(Refinement::kHierarchical, order));
+    error[static_cast<std::size_t>(order)] =
+        ErrorOfSolution(solved.hierarchy, solved.visibility, solved.solution);
+  }
+  EXPECT_LT(error[1], 0.4 * error[0]);
+  EXPECT_LT(error[2], 0.7 * error[1]);
+}
+
+TEST(BasisClusters, LightAndAreLitInEveryBasis) {
+  Scene uneven = testing::FurnaceSphere(0.8, 1);
+  uneven.materials[0].emission = Rgb::Zero();
+  testing::AddQuad(uneven, testing::AddMaterial(uneven, 0, 100), Vec3(-0.3, 0.5, -0.3), Vec3(0.3, 0.5, -0.3),
+                   Vec3(0.3, 0.5, 0.3), Vec3(-0.3, 0.5, 0.3));
+  const Patches patches = CutIntoPatches(uneven);
+  const Visibility visibility(patches);
+  std::array<double, 3> error{};
+  std::vector<Rgb> known;
+  for (const BasisOrder order : kOrders) {
+    Hierarchy hierarchy(patches, true);
+    const Solution solution = Solve(hierarchy, visibility, CoarseIn(Refinement::kAdaptive, order));
+    std::size_t into_clusters = 0;
+    for (const Link& link : solution.links.all()) {
+      into_clusters += IsCluster(link.receiver) || IsCluster(link.shooter) ? 1U : 0U;
+    }
+    EXPECT_GT(into_clusters, 10U);
+    error[static_cast<std::size_t>(order)] = ErrorOfSolution(hierarchy, visibility, solution);
+    std::span<const Rgb> patch_means = std::span(solution.light.irradiance).first(patches.patches.size());
+    if (order == BasisOrder::kConstant) {
+      known.assign(patch_means.begin(), patch_means.end());
+    }
+    double difference = 0;
+    double square = 0;
+    for (std::size_t p = 0; p < known.size(); ++p) {
+      difference += patches.patches[p].area * (patch_means[p] - known[p]).square().sum();
+      square += patches.patches[p].area * known[p].square().sum();
+    }
+    EXPECT_LT(std::sqrt(difference / square), 0.01) << NameOf(order);
+  }
+  EXPECT_LT(error[1], error[0]);
+  EXPECT_LT(error[2], error[0]);
+}
+
+TEST(BasisRows, HaveTheFormFactorsMomentsAsFarAsItIsVisible) {
+  const SolvedScene solved(testing::ShadowRoom(), CoarseIn(Refinement::kAdaptive, BasisOrder::kLinear));
+  const Light& light = solved.solution.light;
+  const Rows rows(solved.hierarchy, solved.solution.links, light);
+  std::size_t partly = 0;
+  for (std::size_t k = 0; k < rows.leaves().size(); ++k) {
+    const Index leaf = rows.leaves()[k];
+    const BasisEnd receiver(solved.hierarchy, light.basis, leaf);
+    const std::span<const Link> own = solved.solution.links.Into(leaf);
+    for (std::size_t l = 0; l < own.size(); ++l) {
+      const Polygon shooter = solved.hierarchy.Shape(own[l].shooter);
+      const BasisValues moments = MomentsOver(
+          receiver, [&](const Vec3& x) { return PointToPolygon(x, receiver.shape.normal, shooter); });
+      partly += own[l].visibility < 1 ? 1U : 0U;
+      for (std::size_t i = 1; i < 3; ++i) {
+        const double expected =
+            light.open[leaf] == 1 ? static_cast<double>(own[l].visibility) * moments[i] : 0;
+        ASSERT_NEAR(static_cast<double>(rows.Moments(k)[2 * l + i - 1]), expected, 1e-6);
+      }
+    }
+  }
+  EXPECT_GT(partly, 100U);
+}
+
+TEST(BasisOracle, SeesWhatTheBasisLeavesOverOfTheFormFactor) {
+  Scene scene;
+  const Index material = testing::AddMaterial(scene, 0.5, 1);
+  testing::AddQuad(scene, material, kFloorPlate[0], kFloorPlate[1], kFloorPlate[2], kFloorPlate[3]);
+  const std::array<Vec3, 4> above = CeilingPlate(1.5);
+  testing::AddQuad(scene, material, above[0], above[1], above[2], above[3]);
+  const Patches patches = CutIntoPatches(scene);
+  const Visibility visibility(patches);
+  std::array<double, 3> left_over{};
+  for (const BasisOrder order : kOrders) {
+    Hierarchy hierarchy(patches);
+    Linker linker(hierarchy, visibility, 2, order);
+    linker.LinkRoots();
+    left_over[static_cast<std::size_t>(order)] = static_cast<double>(linker.links().Into(0)[0].variation);
+  }
+  EXPECT_LT(left_over[1], 0.7 * left_over[0]);
+  EXPECT_LT(left_over[2], 0.3 * left_over[1]);
+}
+
+TEST(BasisGather, SeesShootersAsUnevenAsTheyAre) {
+  Scene scene;
+  testing::AddBox(scene, testing::AddMaterial(scene, 0.5, 0), Vec3(0, 0, 0), Vec3(1, 1, 1), true);
+  testing::AddQuad(scene, testing::AddMaterial(scene, 0, 100), Vec3(0.1, 0.7, 0.1), Vec3(0.3, 0.7, 0.1),
+                   Vec3(0.3, 0.7, 0.3), Vec3(0.1, 0.7, 0.3));
+  const SolvedScene fine(scene, FineIn(Refinement::kAdaptive, BasisOrder::kConstant));
+  for (const BasisOrder order : kHigher) {
+    SolveOptions options = CoarseIn(Refinement::kAdaptive, order);
+    options.w_min = 4e-3;
+    const SolvedScene solved(scene, options);
+    Light flat = solved.solution.light;
+    for (std::size_t k = 0; k < flat.shooting_coefficients.size(); ++k) {
+      if (k % flat.basis.count() != 0) {
+        flat.shooting_coefficients[k] = Rgb::Zero();
+      }
+    }
+    const auto error = [&](const Light& light) {
+      const Gatherer known(fine.hierarchy, fine.solution.light, fine.solution.links, fine.visibility,
+                           {.rays = 256});
+      const Gatherer gatherer(solved.hierarchy, light, solved.solution.links, solved.visibility,
+                              {.rays = 256});
+      double difference = 0;
+      for (Index root = 0; root < 6; ++root) {
+        QuasiRandom<2> random(Hash(root));
+        for (int k = 0; k < 50; ++k) {
+          const auto u = random.Next();
+          const Vec3 x = PointOn(solved.hierarchy.Shape(root), u[0], u[1]);
+          difference +=
+              (gatherer.Irradiance(x, gatherer.SolverLeaf(root, x), Hash(root) + static_cast<Index>(k)) -
+               known.Irradiance(x, known.SolverLeaf(root, x), Hash(root) + static_cast<Index>(k)))
+                  .square()
+                  .sum();
+        }
+      }
+      return std::sqrt(difference);
+    };
+    EXPECT_LT(error(solved.solution.light), 0.5 * error(flat)) << NameOf(order);
+  }
+}
+
+/// Two plates of which the floor gathers from the other one alone, which is half hidden.
+struct OneLink {
+  OneLink(BasisOrder order, bool divided)
+      : pair(kFloorPlate, WallPlate(1, 0.5), order), hierarchy(*pair.hierarchy), visibility(pair.patches) {
+    if (divided) {
+      hierarchy.Divide(0);
+    }
+    light.basis = Basis(order);
+    light.Extend(hierarchy);
+    light.PullOpen(hierarchy);
+    Link link{.receiver = 0, .shooter = 1};
+    link.form_factor =
+        static_cast<float>(ExchangeArea(hierarchy.Shape(0), hierarchy.Shape(1)) / hierarchy.Area(0));
+    link.visibility = 0.5F;
+    links.Assign({link}, hierarchy.size(), 0);
+  }
+
+  /// What the other plate's φ_j brings to the place `x` of the floor.
+  double Brings(std::size_t j, const Vec3& x) const {
+    const Rows rows(hierarchy, links, light);
+    const Couplings couplings(hierarchy, links, light);
+    const RadiosityOperator radiosity_operator(hierarchy, links, rows, couplings, light);
+    const auto count = static_cast<Eigen::Index>(light.basis.count());
+    LeafValues radiosity = LeafValues::Zero(3, radiosity_operator.size());
+    Index leaf = kNone;
+    Eigen::Index column = 0;
+    for (std::size_t k = 0; k < rows.leaves().size(); ++k) {
+      const Polygon shape = hierarchy.Shape(rows.leaves()[k]);
+      if (rows.leaves()[k] == 1) {
+        radiosity(0, static_cast<Eigen::Index>(k) * count + static_cast<Eigen::Index>(j)) = 1;
+      } else if ((NearestPoint(shape, x) - x).norm() < 1e-9) {
+        leaf = rows.leaves()[k];
+        column = static_cast<Eigen::Index>(k) * count;
+      }
+    }
+    const LeafValues irradiance = radiosity_operator.Gather(radiosity);
+    const BasisValues values = light.basis.At(leaf, x);
+    double sum = 0;
+    for (Eigen::Index i = 0; i < count; ++i) {
+      sum += values[static_cast<std::size_t>(i)] * irradiance(0, column + i);
+    }
+    return sum;
+  }
+
+  PlatePair pair;
+  Hierarchy& hierarchy;
+  Visibility visibility;
+  Light light;
+  Links links;
+};
+
+TEST(BasisOperator, BringsWhatTheCouplingsSayToALeafAndPushedDown) {
+  for (const BasisOrder order : kHigher) {
+    const OneLink whole(order, false);
+    const OneLink divided(order, true);
+    const std::size_t count = BasisCount(order);
+    const std::vector<float> couplings = whole.pair.Coupled();
+    const Polygon floor = whole.hierarchy.Shape(0);
+    for (const Vec3& x :
+         {Vec3(0.6 * floor[0] + 0.4 * floor.Centroid()), Vec3(0.3 * floor[1] + 0.7 * floor[2])}) {
+      const BasisValues values = whole.light.basis.At(0, x);
+      for (std::size_t j = 1; j < count; ++j) {
+        double expected = 0;
+        for (std::size_t i = 0; i < count; ++i) {
+          expected += 0.5 * values[i] * static_cast<double>(couplings[(count - 1) * i + j - 1]);
+        }
+        EXPECT_NEAR(whole.Brings(j, x), expected, 1e-6) << NameOf(order) << " " << j;
+        EXPECT_NEAR(divided.Brings(j, x), expected, 1e-6) << NameOf(order) << " " << j;
+      }
+    }
+  }
+}
+
+TEST(BasisEnergy, FollowsALeafsPolynomialOutOfTheScene) {
+  // A lamp at one side of a floor, a black wall beside: most of what is reflected there ends on the wall.
+  Scene scene;
+  testing::AddQuad(scene, testing::AddMaterial(scene, 0.9, 0), kFloorPlate[0], kFloorPlate[1], kFloorPlate[2],
+                   kFloorPlate[3]);
+  const std::array<Vec3, 4> wall = WallPlate(0, 0);
+  testing::AddQuad(scene, testing::AddMaterial(scene, 0, 0), wall[0], wall[1], wall[2], wall[3]);
+  testing::AddQuad(scene, testing::AddMaterial(scene, 0, 100), Vec3(0.1, 0.4, 0.45), Vec3(0.2, 0.4, 0.45),
+                   Vec3(0.2, 0.4, 0.55), Vec3(0.1, 0.4, 0.55));
+  SolveOptions options;
+  options.refinement = Refinement::kHierarchical;
+  options.a_min = 0.02;
+  options.f_max = 0.9;
+  options.basis = BasisOrder::kLinear;
+  const SolvedScene solved(scene, options);
+  EXPECT_LT(BalanceEnergy(solved.hierarchy, solved.solution.light, solved.visibility).imbalance, 0.004);
 }
 
 // The suite whose name begins with Accuracy takes too long under a sanitizer.
