@@ -61,8 +61,9 @@ std::vector<LightTree::Lamp> PathTracer::Lamps(const TracedScene& scene) {
   return lamps;
 }
 
-std::vector<Polygon> PathTracer::Faces(const TracedScene& scene) {
+Overlaps PathTracer::OverlapsOf(const TracedScene& scene) {
   std::vector<Polygon> faces(2 * scene.facets.size());
+  std::vector<double> emission(faces.size());
   for (Index i = 0; i < scene.facets.size(); ++i) {
     const Facet& facet = scene.facets[i];
     for (const bool front : {true, false}) {
@@ -70,6 +71,7 @@ std::vector<Polygon> PathTracer::Faces(const TracedScene& scene) {
         Polygon& face = faces[Face(i, front)];
         face.count = 3;
         face.normal = front ? facet.normal : Vec3(-facet.normal);
+        emission[Face(i, front)] = Luminance(facet.emission);
         std::ranges::copy(scene.corners[i], face.corner.begin());
         if (!front) {
           std::swap(face[1], face[2]);
@@ -77,13 +79,13 @@ std::vector<Polygon> PathTracer::Faces(const TracedScene& scene) {
       }
     }
   }
-  return faces;
+  return {faces, emission, RayCaster::kPlaneTolerance};
 }
 
 PathTracer::PathTracer(const TracedScene& scene)
     : scene_(scene),
       caster_(scene.corners),
-      overlaps_(Faces(scene), RayCaster::kPlaneTolerance),
+      overlaps_(OverlapsOf(scene)),
       sky_(scene, caster_),
       lamp_(scene.facets.size(), kNone),
       lamps_(Lamps(scene)) {

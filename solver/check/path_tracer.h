@@ -56,7 +56,7 @@ class PathTracer {
 
   /// A side of a facet, as Overlaps knows it.
   static Index Face(Index facet, bool front) { return 2 * facet + (front ? 0 : 1); }
-  static std::vector<Polygon> Faces(const TracedScene& scene);
+  static Overlaps OverlapsOf(const TracedScene& scene);
 
   const TracedScene& scene_;
   RayCaster caster_;

@@ -103,13 +103,18 @@ class Search {
 
 }  // namespace
 
-Overlaps::Overlaps(std::span<const Polygon> faces, double tolerance) {
-  const Search search(faces, tolerance, [&](Index over, Index under) {
-    if (Overlap(faces[over], faces[under], tolerance)) {
-      covers_.push_back({.under = under, .over = over});
+Overlaps::Overlaps(std::span<const Polygon> faces, std::span<const double> emission, double tolerance) {
+  const auto before = [&](Index a, Index b) {
+    return emission[a] != emission[b] ? emission[a] > emission[b] : a < b;
+  };
+  const Search search(faces, tolerance, [&](Index a, Index b) {
+    if (Overlap(faces[a], faces[b], tolerance)) {
+      covers_.push_back(before(a, b) ? Pair{.under = b, .over = a} : Pair{.under = a, .over = b});
     }
   });
-  std::ranges::sort(covers_);
+  std::ranges::sort(covers_, [&](const Pair& a, const Pair& b) {
+    return a.under != b.under ? a.under < b.under : before(a.over, b.over);
+  });
   const auto repeated = std::ranges::unique(covers_);
   covers_.erase(repeated.begin(), repeated.end());
   for (const Pair& pair : covers_) {

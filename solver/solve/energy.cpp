@@ -47,7 +47,7 @@ class Emitters {
     AddDistant();
   }
 
-  double power() const { return cumulative_.back(); }
+  double power() const { return cumulative_.empty() ? 0 : cumulative_.back(); }
   const Origin& At(double power) const {
     const auto found = std::upper_bound(cumulative_.begin(), cumulative_.end() - 1, power);
     return origins_[static_cast<std::size_t>(found - cumulative_.begin())];
@@ -135,6 +135,9 @@ class RayBalance {
   RayBalance(const Hierarchy& hierarchy, const Light& light, const Visibility& visibility)
       : hierarchy_(hierarchy), light_(light), visibility_(visibility), emitters_(hierarchy, light) {}
 
+  /// Is there any light to follow?
+  bool any() const { return emitters_.power() > 0; }
+
   Ends Trace(std::size_t batch) const {
     Ends ends;
     QuasiRandom<4> random(Hash(batch));
@@ -216,7 +219,7 @@ EnergyBalance BalanceEnergy(const Hierarchy& hierarchy, const Light& light, cons
     }
   }
   const RayBalance rays(hierarchy, light, visibility);
-  std::vector<Ends> ends(kRays / kBatch);
+  std::vector<Ends> ends(rays.any() ? kRays / kBatch : 0);
   tbb::parallel_for(std::size_t{0}, ends.size(), [&](std::size_t batch) { ends[batch] = rays.Trace(batch); });
   for (const Ends& part : ends) {
     balance.emitted += part.emitted;
@@ -224,7 +227,8 @@ EnergyBalance BalanceEnergy(const Hierarchy& hierarchy, const Light& light, cons
     balance.absorbed_by_backs += part.on_backs;
   }
   const Rgb rest = balance.emitted - balance.absorbed - balance.absorbed_by_backs - balance.escaped;
-  balance.imbalance = std::abs(Luminance(rest)) / Luminance(balance.emitted);
+  const double emitted = Luminance(balance.emitted);
+  balance.imbalance = emitted > 0 ? std::abs(Luminance(rest)) / emitted : 0;
   // Radiosity is per unit radiance and unit area; lm want both back.
   const Normalization& unit = hierarchy.patches().normalization;
   const double lumens = unit.radiance / (unit.scale * unit.scale);

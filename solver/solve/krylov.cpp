@@ -83,7 +83,8 @@ LeafValues Correction(const RadiosityOperator& radiosity_operator, const LeafVal
   gmres.setTolerance(tolerance);
   const Eigen::VectorXd solution = gmres.solve(system.ToVector(residual));
   applications += system.applications();
-  return system.ToValues(solution);
+  // Without anything left to find it may divide by zero; a sweep is always right.
+  return solution.allFinite() ? system.ToValues(solution) : residual;
 }
 
 }  // namespace
@@ -93,12 +94,15 @@ Convergence IterateByKrylov(const RadiosityOperator& radiosity_operator, const I
   const double enough = (1 - radiosity_operator.largest_reflectance()) * options.tolerance;
   Convergence convergence;
   LeafValues radiosity = radiosity_operator.Radiosity(light);
+  // By the brightest that a patch was: one that loses what it began with, as in a cavity without light, has
+  // no light that an error could be relative to.
+  LeafValues measures = radiosity_operator.LocalMeans(radiosity);
   for (;;) {
     const LeafValues irradiance = radiosity_operator.Gather(radiosity);
     ++convergence.applications;
     const LeafValues swept = Reflected(radiosity_operator, irradiance);
     const LeafValues residual = swept - radiosity;
-    const LeafValues measures = radiosity_operator.LocalMeans(swept);
+    measures = measures.max(radiosity_operator.LocalMeans(swept));
     convergence.residual = radiosity_operator.RelativeRms(residual, measures).maxCoeff();
     if (convergence.residual <= enough || convergence.applications >= kMaxApplications ||
         (options.stop && options.stop(convergence))) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <numbers>
+#include <span>
 
 namespace radbake {
 namespace {
@@ -25,6 +26,13 @@ std::vector<Polygon> FacesOf(const Patches& patches) {
     std::ranges::copy(patch.corner, faces[p].corner.begin());
   }
   return faces;
+}
+
+std::vector<double> EmissionOf(const Patches& patches) {
+  std::vector<double> emission(patches.surface_patches);
+  std::ranges::transform(std::span(patches.patches).first(emission.size()), emission.begin(),
+                         [](const Patch& patch) { return Luminance(patch.emission); });
+  return emission;
 }
 
 /// cos θ_y / r³, so that times (y − x)·n_x it is cos θ_x·cos θ_y / r².
@@ -53,7 +61,7 @@ bool Touching(const Polygon& a, const Polygon& b) {
 Visibility::Visibility(const Patches& patches)
     : caster_(TrianglesOf(patches)),
       occluders_(patches),
-      overlaps_(FacesOf(patches), RayCaster::kPlaneTolerance) {
+      overlaps_(FacesOf(patches), EmissionOf(patches), RayCaster::kPlaneTolerance) {
   for (const Blocker& blocker : patches.blockers) {
     dead_.push_back({blocker.front == kNone, blocker.back == kNone});
     any_dead_ = any_dead_ || blocker.front == kNone || blocker.back == kNone;

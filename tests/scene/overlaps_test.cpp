@@ -25,9 +25,14 @@ Polygon Turned(const Polygon& polygon) {
   return turned;
 }
 
+/// Of faces that do not shine.
+Overlaps Alike(const std::vector<Polygon>& faces) {
+  return {faces, std::vector<double>(faces.size()), kTolerance};
+}
+
 TEST(Overlaps, TheFirstOfTwoIsThere) {
   const std::vector<Polygon> faces = {Square(0, 0, 0, 1), Square(0.5, 0.5, 5e-8, 1)};
-  const Overlaps overlaps(faces, kTolerance);
+  const Overlaps overlaps = Alike(faces);
   EXPECT_FALSE(overlaps.AnyOver(0));
   EXPECT_TRUE(overlaps.AnyOver(1));
   EXPECT_EQ(overlaps.At(1, Vec3(0.75, 0.75, 0)), 0U);
@@ -37,17 +42,27 @@ TEST(Overlaps, TheFirstOfTwoIsThere) {
 
 TEST(Overlaps, TheFirstOfMoreIsThere) {
   const std::vector<Polygon> faces = {Square(0.5, 0, 0, 0.5), Square(0, 0, 0, 1), Square(0, 0, 0, 2)};
-  const Overlaps overlaps(faces, kTolerance);
+  const Overlaps overlaps = Alike(faces);
   EXPECT_EQ(overlaps.At(2, Vec3(0.75, 0.25, 0)), 0U);
   EXPECT_EQ(overlaps.At(2, Vec3(0.25, 0.25, 0)), 1U);
   EXPECT_EQ(overlaps.At(2, Vec3(1.5, 1.5, 0)), 2U);
+}
+
+TEST(Overlaps, TheBrightestIsThere) {
+  const std::vector<Polygon> faces = {Square(0, 0, 0, 3), Square(1, 0, 0, 1), Square(1, 0, 0, 2)};
+  const std::vector<double> emission = {0, 1, 2};
+  const Overlaps overlaps(faces, emission, kTolerance);
+  EXPECT_FALSE(overlaps.AnyOver(2));
+  EXPECT_EQ(overlaps.At(0, Vec3(0.5, 0.5, 0)), 0U);
+  EXPECT_EQ(overlaps.At(0, Vec3(1.5, 0.5, 0)), 2U);
+  EXPECT_EQ(overlaps.At(1, Vec3(1.5, 0.5, 0)), 2U);
 }
 
 TEST(Overlaps, NeighboursAndParallelsAndBacksDoNot) {
   const Polygon square = Square(0, 0, 0, 1);
   for (const Polygon& other : {Square(1, 0, 0, 1), Square(1 - 1e-9, 0, 0, 1), Square(0, 0, 1e-6, 1),
                                Turned(Square(0.5, 0.5, 0, 1)), Polygon()}) {
-    EXPECT_TRUE(Overlaps(std::vector{square, other}, kTolerance).empty());
+    EXPECT_TRUE(Alike({square, other}).empty());
   }
 }
 
@@ -61,7 +76,7 @@ TEST(Overlaps, AreFoundAmongMany) {
   for (int i = 0; i + 1 < kSide; ++i) {
     faces.push_back(Square(i + 0.5, i + 0.5, 0, 1));
   }
-  const Overlaps overlaps(faces, kTolerance);
+  const Overlaps overlaps = Alike(faces);
   for (Index i = 0; i < kSide * kSide; ++i) {
     EXPECT_FALSE(overlaps.AnyOver(i)) << i;
   }
