@@ -94,9 +94,9 @@ Convergence IterateByKrylov(const RadiosityOperator& radiosity_operator, const I
   const double enough = (1 - radiosity_operator.largest_reflectance()) * options.tolerance;
   Convergence convergence;
   LeafValues radiosity = radiosity_operator.Radiosity(light);
-  // By the brightest that a patch was: one that loses what it began with, as in a cavity without light, has
+  // By the brightest that a patch has been: one that loses its light again, as in a cavity without light, has
   // no light that an error could be relative to.
-  LeafValues measures = radiosity_operator.LocalMeans(radiosity);
+  LeafValues measures = LeafValues::Zero(3, radiosity_operator.size());
   for (;;) {
     const LeafValues irradiance = radiosity_operator.Gather(radiosity);
     ++convergence.applications;
