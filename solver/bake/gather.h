@@ -37,6 +37,9 @@ class Gatherer {
     return hierarchy_[element].IsLeaf() || hierarchy_[element].first_child >= light_.irradiance.size();
   }
 
+  /// Is the solution over a leaf more than interpolation between its corners can show?
+  bool IsCurved() const { return light_.basis.count() > BasisCount(BasisOrder::kLinear); }
+
   /// Does another patch lie over a part of this one?
   bool MayBeCovered(Index patch) const { return visibility_.overlaps().AnyOver(patch); }
 

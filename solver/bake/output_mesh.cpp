@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <utility>
 
 #include "solver/transport/sampling.h"
 
@@ -315,6 +316,18 @@ void OutputMesh::TakeSolution() {
     const Index first = hierarchy_[cut_[k]].first_child;
     cut_[k] = first;
     cut_.insert(cut_.end(), {first + 1, first + 2, first + 3});
+  }
+  if (gatherer_.IsCurved()) {
+    const std::vector<Index> leaves = std::exchange(cut_, {});
+    for (const Index leaf : leaves) {
+      if (IsLit(leaf)) {
+        Divide(leaf);
+        const Index first = hierarchy_[leaf].first_child;
+        cut_.insert(cut_.end(), {first, first + 1, first + 2, first + 3});
+      } else {
+        cut_.push_back(leaf);
+      }
+    }
   }
   GrowWithHierarchy();
   WalkEdges();

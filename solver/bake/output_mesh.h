@@ -42,7 +42,7 @@ class OutputMesh {
   MeshEnd Refine(const MeshOptions& options);
 
   /// Instead: the solver's leaves as they are, with the mean of what the solution has where they meet (linear
-  /// interpolation of constants: Cohen, Greenberg 1985). Casts no ray.
+  /// interpolation of constants: Cohen, Greenberg 1985); quadratic ones once divided. Casts no ray.
   void TakeSolution();
 
   /// Estimated relative RMS error of the interpolation.

@@ -211,6 +211,44 @@ TEST(OutputMesh, PutsItsVerticesWhereTheLightChanges) {
   EXPECT_GT(baked.surfaces[0].front.vertices.size(), 4 * baked.surfaces[7].front.vertices.size());
 }
 
+TEST(OutputMesh, TakesTheLeavesAsTheyAreAndQuadraticOnesDividedOnce) {
+  // A room without anything in it: a lamp is its ceiling.
+  Scene scene;
+  testing::AddBox(scene, testing::AddMaterial(scene, 0.5, 0), Vec3(0, 0, 0), Vec3(1, 1, 1), true);
+  scene.surfaces[1].material = testing::AddMaterial(scene, 0, 1);
+  std::array<double, 3> error{};
+  for (const BasisOrder order : {BasisOrder::kConstant, BasisOrder::kLinear, BasisOrder::kQuadratic}) {
+    SolveOptions options;
+    options.refinement = Refinement::kHierarchical;
+    options.a_min = 1e-2;
+    options.f_max = 0.2;
+    options.basis = order;
+    SolvedScene solved(scene, options);
+    const auto elements = static_cast<Index>(solved.hierarchy.size());
+    std::size_t leaves = 0;
+    for (Index e = 0; e < elements; ++e) {
+      leaves += solved.hierarchy[e].IsLeaf() ? 1U : 0U;
+    }
+    const Gatherer gatherer(solved.hierarchy, solved.solution.light, solved.solution.links, solved.visibility,
+                            GatherOptions());
+    OutputMesh mesh(solved.hierarchy, gatherer, solved.solution.links);
+    mesh.TakeSolution();
+    EXPECT_EQ(mesh.cut().size(), order == BasisOrder::kQuadratic ? 4 * leaves : leaves);
+    double& sum = error[static_cast<std::size_t>(order)];
+    for (const Index e : mesh.cut()) {
+      const Vec3 x = solved.hierarchy.Shape(e).Centroid() + Vec3::Constant(1e-9);
+      const Rgb known = gatherer.Irradiance(x, gatherer.SolverLeaf(e, x), e);
+      Rgb at_corners = Rgb::Zero();
+      for (const Index corner : solved.hierarchy[e].corner) {
+        at_corners += 0.25 * mesh.Irradiance(corner);
+      }
+      sum += solved.hierarchy[e].area * (at_corners - known).square().sum();
+    }
+  }
+  EXPECT_LT(error[1], 0.9 * error[0]);
+  EXPECT_LT(error[2], 0.7 * error[1]);
+}
+
 TEST(OutputMesh, LightsBothSidesOfADoubleSidedSurfaceEachForItself) {
   Scene scene = testing::ShadowRoom();
   scene.surfaces.resize(7);  // no slab

@@ -184,9 +184,9 @@ RC_GTEST_PROP(ClosedRooms, HaveReciprocalLinks, ()) {
   RC_ASSERT(pairs > 0U);
 }
 
-RC_GTEST_PROP(ClosedRooms, AbsorbWhatIsEmitted, ()) {
-  const Scene scene = Built(AnyRoom());
+void AssertAbsorbsWhatIsEmitted(const Scene& scene, BasisOrder order) {
   SolveOptions options;
+  options.basis = order;
   options.a_min = 1e-3;
   options.w_min = 2e-4;
   const std::vector<double> irradiance = MeanIrradiance(scene, options);
@@ -207,6 +207,16 @@ RC_GTEST_PROP(ClosedRooms, AbsorbWhatIsEmitted, ()) {
   }
   RC_LOG() << emitted << " lm emitted, " << absorbed << " lm absorbed";
   RC_ASSERT(std::abs(absorbed / emitted - 1) < 5e-3);
+}
+
+RC_GTEST_PROP(ClosedRooms, AbsorbWhatIsEmitted, ()) {
+  AssertAbsorbsWhatIsEmitted(Built(AnyRoom()), BasisOrder::kConstant);
+}
+
+RC_GTEST_PROP(ClosedRooms, AbsorbWhatIsEmittedInHigherBases, ()) {
+  const Scene scene = Built(AnyRoom());
+  AssertAbsorbsWhatIsEmitted(scene, BasisOrder::kLinear);
+  AssertAbsorbsWhatIsEmitted(scene, BasisOrder::kQuadratic);
 }
 
 RC_GTEST_PROP(ClosedRooms, AddTheirLightsUp, ()) {
