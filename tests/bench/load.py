@@ -31,15 +31,17 @@ SHARED_JOBS = 200
 class Service:
     """A radbaked of its own, in a folder of its own."""
 
-    def __init__(self, programs, *flags, core=None):
+    def __init__(self, programs, *flags, workers=2, core=None):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="radbaked-load-"))
         self.log = open(self.folder / "log", "wb")
         self.process = subprocess.Popen(
-            [programs / "radbaked", "--listen", "127.0.0.1:0", "--data", self.folder / "data", "--workers", "2",
-             "--grace", "0s", *flags], stdout=subprocess.PIPE, stderr=self.log, text=True,
+            [programs / "radbaked", "--listen", "127.0.0.1:0", "--data", self.folder / "data", "--workers",
+             str(workers), "--grace", "0s", *flags], stdout=subprocess.PIPE, stderr=self.log, text=True,
             preexec_fn=None if core is None else lambda: os.sched_setaffinity(0, {core}))
         self.url = self.process.stdout.readline().removeprefix("listening on ").strip()
         self.address = self.url.removeprefix("http://")
+        if not self.url:
+            sys.exit(f"load: radbaked does not start: {(self.folder / 'log').read_text()}")
 
     def stop(self):
         self.process.terminate()
@@ -165,7 +167,7 @@ def shared_jobs(programs, database):
         before = count_jobs(api)
         queue_jobs(api, SHARED_JOBS)
         begin = time.monotonic()
-        running = [Service(programs, "--role", "worker", "--workers", "1", "--database", database, core=core)
+        running = [Service(programs, "--role", "worker", "--database", database, workers=1, core=core)
                    for core in range(workers)]
         done, _ = wait_until_ended(api, before)
         rates.append(done / (time.monotonic() - begin))
