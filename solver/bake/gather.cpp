@@ -114,7 +114,7 @@ Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale
   const Rgb seen =
       IsElement(link.shooter)
           ? Rgb(visibility_.FromPoint(x, n, hierarchy_.Shape(link.shooter), on_polygon, first, rays) * open)
-          : Rgb(FromNodeAt(hierarchy_, visibility_, x, n, link.shooter, on_cluster, rays) * shooting);
+          : FromNodeAt(hierarchy_, light_, visibility_, x, n, link.shooter, on_cluster, rays);
   return expected + (seen - expected) / chance;
 }
 

@@ -213,26 +213,30 @@ double UnoccludedAt(const Hierarchy& hierarchy, const Vec3& x, const Vec3& n, In
   return std::max(0.0, n.dot(along) / distance) * seen * cluster.area / (std::numbers::pi * r2);
 }
 
-double FromNodeAt(const Hierarchy& hierarchy, const Visibility& visibility, const Vec3& x, const Vec3& n,
-                  Index shooter, QuasiRandom<3>& random, int rays) {
+Rgb FromNodeAt(const Hierarchy& hierarchy, const Light& light, const Visibility& visibility, const Vec3& x,
+               const Vec3& n, Index shooter, QuasiRandom<3>& random, int rays) {
   RayBatch batch(visibility);
   if (IsPunctual(shooter)) {
-    const PunctualLight& light = hierarchy.patches().lights[shooter - kFirstPunctual];
-    const double kernel = PunctualKernel(light, x, n);
+    const PunctualLight& punctual = hierarchy.patches().lights[shooter - kFirstPunctual];
+    const double kernel = PunctualKernel(punctual, x, n);
     if (!(kernel > 0)) {
-      return 0;
+      return Rgb::Zero();
     }
     ++batch.rays;
-    return visibility.caster().Occluded(x, ShadowRayEnd(light, x)) ? 0 : kernel;
+    return visibility.caster().Occluded(x, ShadowRayEnd(punctual, x))
+               ? Rgb::Zero().eval()
+               : Rgb(kernel * light.punctual[shooter - kFirstPunctual]);
   }
   const double area = hierarchy.Area(shooter);
-  double sum = 0;
+  Rgb sum = Rgb::Zero();
   for (int k = 0; k < rays; ++k) {
     const SurfacePoint to = PointOfNode(hierarchy, shooter, random.Next());
     const double kernel = AreaKernel({x, n, kNone}, to, area);
     if (kernel > 0) {
       ++batch.rays;
-      sum += visibility.Blocked(x, kNone, to.x, to.patch) ? 0 : kernel;
+      if (!visibility.Blocked(x, kNone, to.x, to.patch)) {
+        sum += kernel * light.Shooting(to.patch);
+      }
     }
   }
   return sum / rays;

@@ -46,9 +46,9 @@ bool ClearToLight(const Visibility& visibility, const Polygon& receiver, const P
 /// and a light; from a cluster as if all of it were in its middle.
 double UnoccludedAt(const Hierarchy& hierarchy, const Vec3& x, const Vec3& n, Index shooter);
 
-/// Kernel times visibility at `x` with unit normal `n`: from a cluster the mean over `rays` points times its
-/// area (irradiance per unit of radiosity), from a light its PunctualKernel and one ray.
-double FromNodeAt(const Hierarchy& hierarchy, const Visibility& visibility, const Vec3& x, const Vec3& n,
-                  Index shooter, QuasiRandom<3>& random, int rays);
+/// Irradiance at `x` with unit normal `n` from a cluster, by `rays` points on its patches and what each of
+/// those shoots; or from a light, by one ray.
+Rgb FromNodeAt(const Hierarchy& hierarchy, const Light& light, const Visibility& visibility, const Vec3& x,
+               const Vec3& n, Index shooter, QuasiRandom<3>& random, int rays);
 
 }  // namespace radbake

@@ -81,7 +81,20 @@ TEST(NodeTransport, SeesAClusterFromAPointAsTheSumOfItsPatches) {
     exact += PointToPolygon(x, n, scene.hierarchy.Shape(j));
   }
   QuasiRandom<3> random(1);
-  EXPECT_NEAR(FromNodeAt(scene.hierarchy, scene.visibility, x, n, ball, random, 1 << 14) / exact, 1, 0.01);
+  Light light;
+  light.Extend(scene.hierarchy);
+  light.radiosity.assign(scene.hierarchy.size(), Rgb(1, 0, 0));
+  for (Index j = 80; j < 120; ++j) {
+    light.radiosity[j] = Rgb(1, 1, 0);
+  }
+  double part = 0;
+  for (Index j = 80; j < 120; ++j) {
+    part += PointToPolygon(x, n, scene.hierarchy.Shape(j));
+  }
+  const Rgb seen = FromNodeAt(scene.hierarchy, light, scene.visibility, x, n, ball, random, 1 << 14);
+  EXPECT_NEAR(seen[0] / exact, 1, 0.01);
+  EXPECT_NEAR(seen[1] / part, 1, 0.02);
+  EXPECT_EQ(seen[2], 0);
   EXPECT_NEAR(UnoccludedAt(scene.hierarchy, x, n, ball) / exact, 1, 0.05);
 }
 
