@@ -354,6 +354,8 @@ MeshEnd OutputMesh::DivideWhereItMatters(const MeshOptions& options) {
   constexpr double kUnseenFall = 4;
   double unseen = std::max(kFirstUnseen, options.start_area);
   DivideUnseen(unseen * area);
+  double left = 0;           // of the squared errors, that of the elements that the last round let be
+  double divided_error = 0;  // and that of those that it divided
   while (true) {
     WalkEdges();
     if (!GatherVertices(stop) || !GatherCentres(stop)) {
@@ -375,16 +377,24 @@ MeshEnd OutputMesh::DivideWhereItMatters(const MeshOptions& options) {
     if (gathered_ >= options.max_vertices) {
       return MeshEnd::kLimit;
     }
-    // Worst first, until the others alone would meet a part of the target.
+    const double total = std::accumulate(errors.begin(), errors.end(), 0.0);
+    // What division does not lower is no curvature but the rays' noise, and would be divided for ever.
+    constexpr double kNoise = 0.85;
+    if (divided_error > 0 && total - left > kNoise * divided_error) {
+      return MeshEnd::kLimit;
+    }
+    // Worst first, until the target is met: by the others and what division leaves of these (a half at a
+    // shadow's edge, less elsewhere), or by a part of it from the others alone.
     constexpr double kLeft = 0.3;
+    constexpr double kStays = 0.4;
     std::vector<std::size_t> order(cut_.size());
     std::iota(order.begin(), order.end(), std::size_t{0});
     std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
       return errors[a] != errors[b] ? errors[a] > errors[b] : a < b;
     });
-    const double total = std::accumulate(errors.begin(), errors.end(), 0.0);
-    double left = total;
-    const double goal = kLeft * total * std::pow(options.error / error_, 2);
+    left = total;
+    const double allowed = total * std::pow(options.error / error_, 2);
+    const double goal = std::max(kLeft * allowed, (allowed - kStays * total) / (1 - kStays));
     bool divided = false;
     for (const std::size_t k : order) {
       if (left <= goal) {
@@ -403,6 +413,7 @@ MeshEnd OutputMesh::DivideWhereItMatters(const MeshOptions& options) {
     if (!divided) {
       return MeshEnd::kLimit;
     }
+    divided_error = total - left;
   }
 }
 

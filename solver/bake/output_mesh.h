@@ -19,6 +19,7 @@ struct MeshOptions {
   std::function<bool(double error, std::size_t vertices)> stop;
 };
 
+/// kLimit: the rays are too few, or the vertices too many, for the target.
 enum class MeshEnd { kError, kLimit, kStopped };
 
 /// Irradiance at the vertices of a cut through the hierarchy. Vertices are shared by all elements of one
