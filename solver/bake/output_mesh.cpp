@@ -356,6 +356,7 @@ MeshEnd OutputMesh::DivideWhereItMatters(const MeshOptions& options) {
   DivideUnseen(unseen * area);
   double left = 0;           // of the squared errors, that of the elements that the last round let be
   double divided_error = 0;  // and that of those that it divided
+  int in_vain = 0;
   while (true) {
     WalkEdges();
     if (!GatherVertices(stop) || !GatherCentres(stop)) {
@@ -378,9 +379,12 @@ MeshEnd OutputMesh::DivideWhereItMatters(const MeshOptions& options) {
       return MeshEnd::kLimit;
     }
     const double total = std::accumulate(errors.begin(), errors.end(), 0.0);
-    // What division does not lower is no curvature but the rays' noise, and would be divided for ever.
+    // What division does not lower, again and again, is no curvature but the rays' noise, and would be
+    // divided for ever. (Once it may have found a peak.)
     constexpr double kNoise = 0.85;
-    if (divided_error > 0 && total - left > kNoise * divided_error) {
+    constexpr int kOften = 3;
+    in_vain = divided_error > 0 && total - left > kNoise * divided_error ? in_vain + 1 : 0;
+    if (in_vain == kOften) {
       return MeshEnd::kLimit;
     }
     // Worst first, until the target is met: by the others and what division leaves of these (a half at a
