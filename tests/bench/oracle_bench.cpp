@@ -3,17 +3,15 @@
 // energy oracle makes twice the links, and they are still the worse ones.
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <map>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "solver/bake/gather.h"
 #include "solver/refine/adaptive.h"
-#include "solver/solve/solver.h"
 #include "tests/bench/bench.h"
+#include "tests/bench/solved.h"
 
 namespace radbake::bench {
 namespace {
@@ -88,39 +86,6 @@ constexpr std::array kContenders = {
     Contender{"adaptive", Make<AdaptiveOracle>, {4e-4, 1e-4}},
 };
 
-struct Solved {
-  Solved(const Patches& patches, const SolveOptions& options)
-      : hierarchy(patches), visibility(patches), solution(Solve(hierarchy, visibility, options)) {}
-  Hierarchy hierarchy;
-  Visibility visibility;
-  Solution solution;
-};
-
-/// The irradiance at places all over the patches, by area.
-std::vector<Rgb> Gathered(const Solved& solved, int rays) {
-  constexpr double kPlaces = 2000;
-  GatherOptions options;
-  options.rays = rays;
-  const Gatherer gatherer(solved.hierarchy, solved.solution.light, solved.solution.links, solved.visibility,
-                          options);
-  std::vector<Rgb> irradiance;
-  const Patches& patches = solved.hierarchy.patches();
-  for (Index root = 0; root < solved.hierarchy.root_count(); ++root) {
-    const Polygon shape = solved.hierarchy.Shape(root);
-    QuasiRandom<2> random(Hash(root));
-    const auto count = static_cast<int>(std::ceil(kPlaces * patches.patches[root].area / patches.area));
-    for (int k = 0; k < count; ++k) {
-      const auto u = random.Next();
-      const Vec3 x = PointOn(shape, u[0], u[1]);
-      const Index leaf = gatherer.SolverLeaf(root, x);
-      irradiance.push_back(gatherer.IsSealed(x, leaf)
-                               ? Rgb(Rgb::Zero())
-                               : gatherer.Irradiance(x, leaf, Hash(irradiance.size())));
-    }
-  }
-  return irradiance;
-}
-
 SolveOptions Asking(double w_min) {
   SolveOptions options;
   options.a_min = kAMin;
@@ -135,19 +100,9 @@ const std::vector<Rgb>& Reference(const std::string& scene, const Patches& patch
   static std::map<std::string, std::vector<Rgb>> known;
   auto& reference = known[scene];
   if (reference.empty()) {
-    reference = Gathered(Solved(patches, Asking(kFine)), kRays);
+    reference = ReadAt(Solved(patches, Asking(kFine)), {.rays = kRays}).gathered;
   }
   return reference;
-}
-
-double Difference(const std::vector<Rgb>& a, const std::vector<Rgb>& reference) {
-  double difference = 0;
-  double square = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    difference += (a[i] - reference[i]).square().sum();
-    square += reference[i].square().sum();
-  }
-  return std::sqrt(difference / square);
 }
 
 /// Counters: `links`, `rays` and the RMS error in percent against a solution of ten times the links.
@@ -163,7 +118,7 @@ void BenchOracle(benchmark::State& state, const std::string& scene, const Conten
   const auto links = static_cast<double>(solved->solution.links.size());
   const double rays = static_cast<double>(solved->visibility.Counted().rays);
   constexpr int kRays = 1024;
-  const double error = Difference(Gathered(*solved, kRays), Reference(scene, patches));
+  const double error = Difference(ReadAt(*solved, {.rays = kRays}).gathered, Reference(scene, patches));
   state.counters["links"] = links;
   state.counters["rays"] = rays;
   state.counters["error%"] = 100 * error;
