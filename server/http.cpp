@@ -239,10 +239,12 @@ class HttpServer::Implementation {
   };
   static inline thread_local Task* current = nullptr;
 
-  // The queue is shared by reference: tasks must be copyable.
+  // Tasks must be copyable. Whether this process lives is told also where all others wait for the database.
   void Enqueue(Incoming incoming) {
+    const bool at_once =
+        incoming.bytes.starts_with("GET /healthz") || incoming.bytes.starts_with("HEAD /healthz");
     auto shared = std::make_shared<Incoming>(std::move(incoming));
-    pool_.Enqueue([this, shared] { Process(std::move(*shared)); });
+    (at_once ? health_ : pool_).Enqueue([this, shared] { Process(std::move(*shared)); });
   }
 
   void Process(Incoming incoming) {
@@ -340,6 +342,7 @@ class HttpServer::Implementation {
       }
     });
     pool_.ShutDown();
+    health_.ShutDown();
     done.set_value();
     patience.join();
   }
@@ -351,6 +354,7 @@ class HttpServer::Implementation {
   StopSignal break_off_;
   Places slow_;
   Pool pool_;
+  Pool health_{1};
   Listener listener_;
   Front front_;
   Watchers watchers_;

@@ -85,7 +85,7 @@ Jobs::Jobs(const std::filesystem::path& data, const Options& options)
   if (options.database.empty()) {
     queue_ = std::make_unique<SqliteQueue>(data, keep_);
   } else {
-    queue_ = std::make_unique<PostgresQueue>(options.database, keep_);
+    queue_ = std::make_unique<PostgresQueue>(options.database, keep_, options.database_timeout);
   }
   if (role_ != Role::kWorker) {
     RemoveDrafts();

@@ -79,8 +79,9 @@ class Jobs {
   struct Options {
     Workers::Options workers;
     std::chrono::milliseconds keep = std::chrono::hours(24);  ///< how long ended jobs are kept
-    std::uint64_t least_free = 0;  ///< bytes of the disk below which no job should come
-    std::string database;          ///< the URL of PostgreSQL; empty: SQLite
+    std::uint64_t least_free = 0;              ///< bytes of the disk below which no job should come
+    std::string database;                      ///< the URL of PostgreSQL; empty: SQLite
+    std::chrono::seconds database_timeout{5};  ///< how long that may take for a statement
     Role role = Role::kAll;
   };
 

@@ -199,12 +199,15 @@ void AddClients(CLI::App& app, std::string& tokens, bool& insecure, std::set<std
 }
 
 // Which part of the service this process is, and where its queue is.
-void AddQueue(CLI::App& app, Jobs::Options& options, std::string& lease) {
+void AddQueue(CLI::App& app, Jobs::Options& options, std::string& timeout, std::string& lease) {
   using radbake::server::Role;
   app.add_option(
       "--database", options.database,
       "postgresql://…: the queue and all files are there, for any number of radbaked (its password is "
       "best in PGPASSWORD or PGPASSFILE; default: SQLite in the folder of the jobs)");
+  app.add_option("--database-timeout", timeout,
+                 "How long PostgreSQL may take to answer: after that a request gets a 503")
+      ->capture_default_str();
   app.add_option(
          "--role", options.role,
          "api: takes uploads and answers for all jobs; worker: bakes, and answers /healthz, /readyz and "
@@ -314,8 +317,9 @@ int main(int argc, char** argv) {
   options.least_free = 256ULL << 20U;
   app.add_option("--least-free", options.least_free, "Bytes of the disk below which /readyz says no")
       ->capture_default_str();
+  std::string database_timeout = "5s";
   std::string lease = "15s";
-  AddQueue(app, options, lease);
+  AddQueue(app, options, database_timeout, lease);
   std::string keep = "24h";
   std::string grace = "10s";
   app.add_option("--grace", grace, "How long running bakes may go on when the service is stopped")
@@ -326,9 +330,14 @@ int main(int argc, char** argv) {
     options.keep = ParseDuration("--keep", keep);
     workers.grace = ParseDuration("--grace", grace);
     workers.lease = ParseDuration("--lease", lease);
+    options.database_timeout = ParseDuration("--database-timeout", database_timeout);
     workers.beat = std::min<std::chrono::milliseconds>(workers.beat, workers.lease / 5);
     if (workers.lease < std::chrono::seconds(1)) {
       throw CLI::ValidationError("--lease", "takes a second or more");
+    }
+    if (options.database_timeout < std::chrono::seconds(1) ||
+        options.database_timeout > std::chrono::hours(1)) {
+      throw CLI::ValidationError("--database-timeout", "takes a second to an hour");
     }
     ParseListen(listen, http);
     if (!IsLoopback(http.host) && tokens.empty() && !insecure) {

@@ -103,6 +103,7 @@ struct Attempt {
 struct Held {
   Attempt attempt;
   std::int64_t beats = 0;
+  std::string worker = {};  ///< who holds it
   bool operator==(const Held& other) const {
     return attempt.id == other.attempt.id && attempt.number == other.attempt.number && beats == other.beats;
   }

@@ -112,8 +112,9 @@ class FileInPieces final : public StoredFile {
 
 }  // namespace
 
-PostgresQueue::PostgresQueue(const std::string& url, std::chrono::milliseconds keep)
-    : SqlQueue(kPostgresNow, keep), pool_(url, Prepare) {}
+PostgresQueue::PostgresQueue(const std::string& url, std::chrono::milliseconds keep,
+                             std::chrono::seconds patience)
+    : SqlQueue(kPostgresNow, keep), pool_(url, patience, Prepare) {}
 
 PostgresQueue::~PostgresQueue() = default;
 

@@ -3,7 +3,8 @@
 ///
 /// All is in the schema `radbake` of the database; it is made
 /// with the first connection, and until that can be had the queue is an empty promise: every function throws
-/// QueueError. So a database that comes late, or goes and comes back, is waited for without harm. One process
+/// QueueError. So a database that comes late, goes and comes back, or hangs for a while is waited for without
+/// harm, and no function waits for it for much longer than its patience. One process
 /// has kConnections connections at most, and one more to listen.
 ///
 /// Files are kept in pieces of kPiece bytes and are never whole in memory. Each may have up to 2^31 pieces
@@ -27,8 +28,10 @@ class PostgresQueue final : public SqlQueue {
   static constexpr std::size_t kPiece = 256 << 10U;
 
   /// `url`: postgresql://…, or key=value pairs, as libpq takes them. Connects to nothing yet. Throws
-  /// QueueError for a URL that is none.
-  explicit PostgresQueue(const std::string& url, std::chrono::milliseconds keep = std::chrono::hours(24));
+  /// QueueError for a URL that is none. A database that takes longer than `patience` for a statement counts
+  /// as away.
+  explicit PostgresQueue(const std::string& url, std::chrono::milliseconds keep = std::chrono::hours(24),
+                         std::chrono::seconds patience = std::chrono::seconds(5));
   ~PostgresQueue() override;
 
   Added Add(const NewJob& job, const std::filesystem::path& folder) override;

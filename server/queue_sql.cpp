@@ -207,12 +207,14 @@ bool SqlQueue::Crash(const Attempt& attempt, const Problem& reason) {
 
 std::vector<Held> SqlQueue::ListHeld() {
   std::vector<Held> held;
-  for (const auto& row : Read("SELECT id, attempt, beats FROM jobs WHERE status = 'running'", {}).rows) {
+  for (const auto& row :
+       Read("SELECT id, attempt, beats, worker FROM jobs WHERE status = 'running'", {}).rows) {
     Reader reader(row);
     Held one;
     one.attempt.id = reader.Text();
     one.attempt.number = static_cast<int>(reader.Integer());
     one.beats = reader.Integer();
+    one.worker = reader.Text();
     held.push_back(std::move(one));
   }
   return held;

@@ -139,6 +139,8 @@ std::shared_ptr<Workers::Running> Workers::Claim(Job& job) {
     const std::uint64_t seen = news_;
     std::optional<Job> claimed;
     if (recovered_) {
+      ++claims_;
+      ++claiming_;
       lock.unlock();
       try {
         claimed = HasRoom() ? queue_.Claim(name_) : std::nullopt;
@@ -146,6 +148,7 @@ std::shared_ptr<Workers::Running> Workers::Claim(Job& job) {
         trouble_.Meet(error.what());
       }
       lock.lock();
+      --claiming_;
     }
     if (claimed) {
       job = std::move(*claimed);
@@ -320,13 +323,40 @@ void Workers::Keep() {
   }
 }
 
+// What a claim has taken whose answer never came, for the database hung: nobody runs it. `claims`: how many
+// had begun, and ended, before `held` was seen.
+void Workers::ReleaseStrays(const std::vector<Held>& held, std::uint64_t claims) {
+  std::vector<Attempt> strays;
+  {
+    const std::lock_guard lock(mutex_);
+    if (claims_ != claims) {
+      return;  // some of what is held may just have been claimed: the next look will tell
+    }
+    for (const Held& one : held) {
+      const bool here = std::any_of(running_.begin(), running_.end(), [&](const auto& running) {
+        return running->attempt.id == one.attempt.id && running->attempt.number == one.attempt.number;
+      });
+      if (one.worker == name_ && !here) {
+        strays.push_back(one.attempt);
+      }
+    }
+  }
+  for (const Attempt& stray : strays) {
+    if (queue_.Release(stray)) {
+      spdlog::warn("job {}: attempt {} was claimed without an answer, and goes back", stray.id, stray.number);
+    }
+  }
+}
+
 void Workers::Look(LeaseWatch& watch, bool beat) {
   std::vector<std::shared_ptr<Running>> running;
   std::vector<Live> live;
   bool recovered = false;
+  std::optional<std::uint64_t> claims;  // as long as none is under way
   {
     const std::lock_guard lock(mutex_);
     running = running_;
+    claims = claiming_ == 0 ? std::optional(claims_) : std::nullopt;
     for (const auto& one : running) {
       live.push_back(one->live);
     }
@@ -352,6 +382,9 @@ void Workers::Look(LeaseWatch& watch, bool beat) {
     if (!holds) {
       Drop(*one);
     }
+  }
+  if (claims) {
+    ReleaseStrays(held, *claims);
   }
   for (const Held& lapsed : watch.Lapsed(held, LeaseWatch::Clock::now())) {
     if (queue_.TakeBack(lapsed, WorkerLost())) {

@@ -90,6 +90,7 @@ class Workers {
 
   void Keep();
   void Look(LeaseWatch& watch, bool beat);
+  void ReleaseStrays(const std::vector<Held>& held, std::uint64_t claims);
   void Drop(Running& running);
   void Wake();
   bool HasRoom() const;
@@ -105,8 +106,10 @@ class Workers {
   std::condition_variable ended_;  ///< one of the running
   bool stopping_ = false;
   std::chrono::steady_clock::time_point graced_until_;
-  bool recovered_ = false;  ///< what the predecessors held has been taken back
-  std::uint64_t news_ = 0;  ///< counts the reasons to look into the queue
+  bool recovered_ = false;    ///< what the predecessors held has been taken back
+  std::uint64_t news_ = 0;    ///< counts the reasons to look into the queue
+  std::uint64_t claims_ = 0;  ///< that have begun
+  std::size_t claiming_ = 0;  ///< and not ended
   TroubleLog trouble_{"the queue is back"};
   std::vector<std::shared_ptr<Running>> running_;  ///< in the order in which they began
   std::atomic<int> alive_;

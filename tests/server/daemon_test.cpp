@@ -135,6 +135,7 @@ TEST_F(DaemonTest, RefusesToStartWithAnErrorWhenItCannotServe) {
   EXPECT_EQ(Daemon(folder() / "other", program, {"--listen", "localhost"}).End(0), 2);
   EXPECT_EQ(Daemon(folder() / "other", program, {"--listen", "127.0.0.1:70000"}).End(0), 2);
   EXPECT_EQ(Daemon(folder() / "other", program, {"--keep", "tomorrow"}).End(0), 2);
+  EXPECT_EQ(Daemon(folder() / "other", program, {"--database-timeout", "0s"}).End(0), 2);
   for (const char* flag : {"--max-uploads", "--max-parts", "--uploads-per-minute", "--max-connections"}) {
     EXPECT_EQ(Daemon(folder() / "other", program, {flag, "-1"}).End(0), 2) << flag;
   }

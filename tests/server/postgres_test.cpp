@@ -13,6 +13,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <stdexcept>
 #include <system_error>
 #include <thread>
@@ -74,6 +75,21 @@ pid_t Launch(std::vector<std::string> words) {
     ::_exit(127);
   }
   return pid;
+}
+
+std::vector<pid_t> Children(pid_t parent) {
+  std::vector<pid_t> children;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    const pid_t process = std::atoi(entry.path().filename().c_str());
+    std::ifstream status(entry.path() / "status");
+    for (std::string word; process > 0 && status >> word;) {
+      pid_t of = 0;
+      if (word == "PPid:" && status >> of && of == parent) {
+        children.push_back(process);
+      }
+    }
+  }
+  return children;
 }
 
 std::string Url(const std::filesystem::path& folder, const std::string& database) {
@@ -139,7 +155,25 @@ void PostgresServer::Start() {
   }
 }
 
+void PostgresServer::Halt() {
+  // First the one that makes the others.
+  halted_ = {pid_};
+  ::kill(pid_, SIGSTOP);
+  for (const pid_t child : Children(pid_)) {
+    halted_.push_back(child);
+    ::kill(child, SIGSTOP);
+  }
+}
+
+void PostgresServer::Resume() {
+  for (const pid_t process : halted_) {
+    ::kill(process, SIGCONT);
+  }
+  halted_.clear();
+}
+
 void PostgresServer::Kill() {
+  Resume();  // without their parent, the others end when they go on
   if (pid_ > 0) {
     ::kill(pid_, SIGKILL);
     ::waitpid(pid_, nullptr, 0);

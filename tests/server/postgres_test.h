@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace radbake::server {
 
@@ -26,10 +27,18 @@ class PostgresServer {
   void Kill();
   /// Starts it again, and waits until it answers.
   void Start();
+  /// Stops it with all its processes, as they stand: it is there, and says nothing.
+  void Halt();
+  /// They go on.
+  void Resume();
+
+  /// Where its socket is.
+  const std::filesystem::path& folder() const { return folder_; }
 
  private:
   std::filesystem::path folder_;
   pid_t pid_ = -1;
+  std::vector<pid_t> halted_;
   int databases_ = 0;
 };
 

@@ -173,6 +173,8 @@ void Record(const std::string& request, const Answer& answer) {
 }  // namespace
 
 Answer Receive(const Descriptor& connection, const std::string& request) {
+  const timeval patience{120, 0};
+  ::setsockopt(connection.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
   std::string text;
   std::array<char, 65536> buffer{};
   for (ssize_t count = 0; (count = ::recv(connection.get(), buffer.data(), buffer.size(), 0)) > 0;) {

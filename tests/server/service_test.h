@@ -63,9 +63,9 @@ Descriptor Connect(int port, const std::string& bytes);
 /// Adds what comes to `text` until it holds `end`. False if the other side closes before, or after a minute.
 bool ReceiveUntil(const Descriptor& connection, const std::string& end, std::string& text);
 
-/// What comes back of a request, or of its begin, until the other side closes. Where the environment's
-/// RADBAKED_ANSWERS names a folder, a line {"method", "target", "status", "headers", "body"} is added there
-/// to a file of this process, for tests/openapi to judge.
+/// What comes back of a request, or of its begin, until the other side closes or is silent for two minutes.
+/// Where the environment's RADBAKED_ANSWERS names a folder, a line {"method", "target", "status", "headers",
+/// "body"} is added there to a file of this process, for tests/openapi to judge.
 Answer Receive(const Descriptor& connection, const std::string& request);
 
 /// Connect() and Receive().
