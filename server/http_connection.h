@@ -76,6 +76,7 @@ class Connection final : public httplib::Stream {
   /// Bytes that were read and written, with the head of the request.
   std::uint64_t received() const { return head_ + in_.bytes; }
   std::uint64_t sent() const { return out_.bytes; }
+  const HttpLimits& limits() const { return limits_; }
   /// The client was too slow to send.
   bool late() const { return in_.late; }
   /// Takes a place of the slow now, for an answer that is likely to need one. False if there is none.

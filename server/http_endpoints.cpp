@@ -336,7 +336,8 @@ Then Endpoints::Watch(const Request& request, Response& response, const Job& job
   }
   Then then{Then::Kind::kWatch, watchers_.Reserve(), job.id, last, "", {}};
   if (!then.place) {
-    throw ProblemError(HttpProblem(503, "there are as many watchers already as are taken"));
+    throw ProblemError(HttpProblem(503, "there are the " + std::to_string(limits_.watchers) +
+                                            " watchers at a time already that are taken"));
   }
   response.status = 200;
   response.set_header("X-Accel-Buffering", "no");

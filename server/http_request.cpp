@@ -240,7 +240,10 @@ void Body::Read(std::uint64_t most, const std::function<void(std::string_view)>&
     throw ProblemError(HttpProblem(503, "the server is stopping"));
   }
   if (!whole && connection_.late()) {
-    throw ProblemError(HttpProblem(408, "the body comes too slowly"));
+    const HttpLimits& limits = connection_.limits();
+    throw ProblemError(HttpProblem(
+        408, "the body comes too slowly: it has stood still for " + std::to_string(limits.idle_time.count()) +
+                 " seconds, or is that far behind " + std::to_string(limits.least_rate) + " bytes a second"));
   }
   if (!whole) {
     throw ProblemError(HttpProblem(400, "the body breaks off"));

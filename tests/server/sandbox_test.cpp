@@ -136,9 +136,16 @@ TEST_F(SandboxTest, IsLimitedUnlessToldOtherwise) {
   const std::string limits = (folder() / "limits").string();
   const std::filesystem::path program = WriteProgram(
       folder() / "radbake", "for of in d t f n; do ulimit -$of; done > " + limits + "\n" + kBakes);
-  const Daemon daemon(folder() / "data", program);
-  daemon.client().WaitFor(daemon.client().PostScene(), "succeeded");
-  EXPECT_THAT(ReadFile(limits), testing::MatchesRegex("([0-9]+\n){4}"));
+  const auto limits_with = [&](const std::vector<std::string>& flags) {
+    const Daemon daemon(folder() / "data", program, flags);
+    daemon.client().WaitFor(daemon.client().PostScene(), "succeeded");
+    return ReadFile(limits);
+  };
+  EXPECT_THAT(limits_with({}), testing::MatchesRegex("([0-9]+\n){4}"));
+  // The shell tells kilobytes of the first and half kilobytes of the third.
+  EXPECT_EQ(limits_with({"--job-memory", "268435456", "--job-cpu-time", "123", "--job-file-size", "65536",
+                         "--job-open-files", "77"}),
+            "262144\n123\n128\n77\n");
 }
 #endif
 
