@@ -220,6 +220,12 @@ TEST_F(MetricsTest, ReadinessNamesWhatIsMissing) {
     EXPECT_EQ(service.client().Get("/healthz").status, 200) << "it lives all the same";
     EXPECT_THAT(service.client().Get("/metrics").body, testing::Not(HasSubstr("radbaked_disk_free_bytes")));
   }
+  {
+    const Service idle(data(), Program(kBakes), 0);
+    const Answer answer = idle.client().Get("/readyz");
+    EXPECT_EQ(answer.status, 503);
+    EXPECT_THAT(answer.body, HasSubstr("no worker takes jobs"));
+  }
   const Service full(data(), Program(kBakes),
                      {1, std::chrono::hours(1), Service::SmallLimits(), "", {}, UINT64_MAX, {}});
   const Answer answer = full.client().Get("/readyz");

@@ -128,6 +128,18 @@ TEST_F(PostgresShareTest, CancelsAndDeletesWhatRunsElsewhere) {
   EXPECT_EQ(client.Get(canceled).Json().at("status"), "canceled");
 }
 
+TEST_F(PostgresShareTest, FindsWhatNobodyHasHintedAt) {
+  const std::string url = MakeDatabase();
+  const auto service = Start("service", url, kBakes);
+  const Client client = service->client();
+  const std::string job = client.PostScene();
+  client.WaitFor(job, "succeeded");
+  // Past the queue, which would notify its workers.
+  RunSql(url, "UPDATE radbake.jobs SET status = 'queued', started = NULL, ended = NULL, expires = NULL");
+  EXPECT_TRUE(Eventually([&] { return client.Get(job).Json().at("attempt") == 2; }));
+  client.WaitFor(job, "succeeded");
+}
+
 TEST_F(PostgresShareTest, TakesOverFromAWorkerThatIsNoMore) {
   const std::string url = MakeDatabase();
   const auto api = Start("api", url, kBakes, {"--role", "api"});
