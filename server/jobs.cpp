@@ -127,8 +127,10 @@ void Jobs::Forget() {
   while (!stopping_) {
     lock.unlock();
     try {
-      for (const std::string& id : queue_->Forget()) {
-        spdlog::info("job {}: forgotten", id);
+      for (std::vector<std::string> ids; !(ids = queue_->Forget()).empty();) {
+        for (const std::string& id : ids) {
+          spdlog::info("job {}: forgotten", id);
+        }
       }
       forgetting_.Miss();
     } catch (const std::exception& error) {

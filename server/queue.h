@@ -161,6 +161,7 @@ class Queue {
   static constexpr std::chrono::hours kKeyLife{24};
   /// So many attempts may end without an answer; then the job has failed.
   static constexpr int kAttempts = 3;
+  static constexpr int kForgottenAtOnce = 20;
 
   Queue() = default;
   Queue(const Queue&) = delete;
@@ -205,7 +206,8 @@ class Queue {
   virtual bool Cancel(const std::string& id, const std::optional<Live>& live) = 0;
   /// Deletes it with its files. False if there was none.
   virtual bool Remove(const std::string& id) = 0;
-  /// Removes the ended jobs and the keys whose time has come or will have so far ahead. The jobs' ids.
+  /// Removes the keys and the ended jobs whose time has come or will have so far ahead; of the jobs not more
+  /// than kForgottenAtOnce, for that takes its time where their files are large. The jobs' ids.
   virtual std::vector<std::string> Forget(std::chrono::milliseconds ahead = {}) = 0;
 
   virtual std::optional<Job> Find(const std::string& id) = 0;

@@ -256,8 +256,9 @@ bool SqlQueue::Remove(const std::string& id) {
 std::vector<std::string> SqlQueue::Forget(std::chrono::milliseconds ahead) {
   Write("DELETE FROM keys WHERE created <= " + now_ + " + $1 - $2",
         {ToValue(ahead), ToValue(std::chrono::milliseconds(kKeyLife))});
-  const SqlResult gone =
-      Write("DELETE FROM jobs WHERE expires <= " + now_ + " + $1 RETURNING id", {ToValue(ahead)});
+  const SqlResult gone = Write("DELETE FROM jobs WHERE id IN (SELECT id FROM jobs WHERE expires <= " + now_ +
+                                   " + $1 ORDER BY expires LIMIT $2) RETURNING id",
+                               {ToValue(ahead), ToValue(kForgottenAtOnce)});
   std::vector<std::string> ids;
   ids.reserve(gone.rows.size());
   for (const auto& row : gone.rows) {

@@ -79,6 +79,21 @@ TEST_P(QueueTest, ForgetsWhatHasBeenKeptLongEnough) {
   EXPECT_TRUE(queue->Find("running") && queue->Find("queued"));
 }
 
+TEST_P(QueueTest, ForgetsAFewAtATime) {
+  const auto queue = Open();
+  constexpr int kJobs = 2 * Queue::kForgottenAtOnce + 3;
+  for (int i = 0; i < kJobs; ++i) {
+    const std::string id = "job" + std::to_string(i);
+    Add(*queue, id);
+    queue->Cancel(id, std::nullopt);
+  }
+  std::vector<std::size_t> forgotten;
+  while (forgotten.empty() || forgotten.back() > 0) {
+    forgotten.push_back(queue->Forget(std::chrono::hours(25)).size());
+  }
+  EXPECT_THAT(forgotten, testing::ElementsAre(20, 20, 3, 0));
+}
+
 TEST_P(QueueTest, LeavesNothingOfARemovedJob) {
   const auto queue = Open();
   Add(*queue, "a", "me", IdempotencyKey{"key", "x"});
