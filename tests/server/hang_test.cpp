@@ -153,7 +153,7 @@ const std::string kWaitsToBake =
 
 TEST_F(PostgresHangTest, AnswersMeanwhileAndGoesOnAfterwards) {
   const auto service =
-      Start("service", server().MakeDatabase(), kWaitsToBake, {"--database-timeout", "1s", "--lease", "1s"});
+      Start("service", server().MakeDatabase(), kWaitsToBake, {"--database-timeout", "2s", "--lease", "1s"});
   ASSERT_NE(service->port(), 0);
   const Client client = service->client();
   const std::string running = client.PostScene();
@@ -208,7 +208,7 @@ TEST_F(PostgresHangTest, SaysThatItLivesWhileEveryRequestWaits) {
 
 TEST_F(PostgresHangTest, StopsMeanwhile) {
   const std::string url = server().MakeDatabase();
-  auto service = Start("service", url, kWaitsToBake, {"--database-timeout", "1s"});
+  auto service = Start("service", url, kWaitsToBake, {"--database-timeout", "2s"});
   const std::string job = service->client().PostScene();
   EXPECT_TRUE(There("started"));
   server().Halt();
@@ -242,7 +242,7 @@ TEST_F(PostgresHangTest, LeavesAWorkerWithoutItsJobThatNobodyHears) {
   const auto api = Start("api", url, kBakes, {"--role", "api"});
   const auto cut = Start("cut", "postgresql:///test1?user=radbake&host=" + (folder() / "network").string(),
                          "echo $$ > $test/pid; touch $test/started; exec sleep 1000",
-                         {"--database-timeout", "1s", "--lease", "1s"});
+                         {"--database-timeout", "2s", "--lease", "1s"});
   const std::string job = api->client().PostScene();
   EXPECT_TRUE(There("started"));
   network.SetDown(true);
@@ -261,7 +261,7 @@ TEST_F(PostgresHangTest, LeavesAWorkerWithoutItsJobThatNobodyHears) {
 }
 
 TEST_F(PostgresHangTest, GivesUpAStatementAndItsConnection) {
-  PostgresConnection connection(MakeDatabase(), std::chrono::seconds(1));
+  PostgresConnection connection(MakeDatabase(), std::chrono::seconds(2));
   EXPECT_TRUE(connection.Alive());
   EXPECT_THROW(connection.Run("SELECT pg_sleep(1000)"), DatabaseSilent);
   EXPECT_FALSE(connection.Alive());
@@ -284,7 +284,7 @@ TEST_F(PostgresHangTest, GivesUpALockButNotTheConnection) {
 }
 
 TEST_F(PostgresHangTest, GoesOnWithAnotherConnection) {
-  PostgresPool pool(MakeDatabase(), std::chrono::seconds(1), [](PostgresConnection&) {});
+  PostgresPool pool(MakeDatabase(), std::chrono::seconds(2), [](PostgresConnection&) {});
   const auto run = [&](const char* sql) {
     pool.With([&](PostgresConnection& connection) { connection.Run(sql); });
   };
