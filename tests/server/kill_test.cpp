@@ -1,6 +1,6 @@
-// kill -9 of the server, of a worker or of the database, at random moments under load: every job that was
-// taken ends once, in a right result; none is lost and none is there twice; no process and no file is left
-// over.
+// kill -9 of the server, of a worker or of the database, or a database that hangs, at random moments under
+// load: every job that was taken ends once, in a right result; none is lost and none is there twice; no
+// process and no file is left over.
 //
 // RADBAKED_KILL_ROUNDS says how many kills each test has; by hand:
 //
@@ -31,7 +31,7 @@ constexpr int kRounds = 2;
 constexpr int kRounds = 10;
 #endif
 
-enum class Target { kServer, kWorker, kDatabase };
+enum class Target { kServer, kWorker, kDatabase, kDatabaseThatHangs };
 
 struct Case {
   const char* name;
@@ -88,6 +88,9 @@ class KillTest : public testing::TestWithParam<Case> {
       server_ = std::make_unique<PostgresServer>();
       url_ = server_->MakeDatabase();
       flags.insert(flags.end(), {"--database", url_});
+      if (GetParam().target == Target::kDatabaseThatHangs) {
+        flags.insert(flags.end(), {"--database-timeout", "1s"});
+      }
     }
     const bool apart = GetParam().postgres || GetParam().target == Target::kWorker;
     api_ = Start("data", flags, apart ? "api" : "all");
@@ -107,6 +110,12 @@ class KillTest : public testing::TestWithParam<Case> {
   }
 
   Client client() const { return Client(api_->port()); }
+  // As a client does that is told to come again.
+  Answer Get(const std::string& path) const {
+    Answer answer;
+    EXPECT_TRUE(Eventually([&] { return (answer = client().Get(path)).status != 503; }));
+    return answer;
+  }
 
   // Posts until it is taken, as a client does that wants one bake and no two.
   Taken Post(const std::string& key) const {
@@ -132,6 +141,12 @@ class KillTest : public testing::TestWithParam<Case> {
       server_->Start();
       return;
     }
+    if (GetParam().target == Target::kDatabaseThatHangs) {
+      server_->Halt();
+      std::this_thread::sleep_for(std::chrono::milliseconds(200 + random() % 1500));
+      server_->Resume();
+      return;
+    }
     Restarted& victim =
         GetParam().target == Target::kServer ? *api_ : *workers_.at(random() % workers_.size());
     victim.Kill();
@@ -147,14 +162,14 @@ class KillTest : public testing::TestWithParam<Case> {
       return answer.status == 200 && !taken.ended.at("ended_at").is_null();
     })) << taken.ended;
     EXPECT_EQ(taken.ended.value("status", ""), "succeeded") << taken.ended;
-    EXPECT_EQ(client().Get(taken.path + "/scene").body, taken.scene);
+    EXPECT_EQ(Get(taken.path + "/scene").body, taken.scene);
   }
 
   std::set<std::string> ListAll() const {
     std::set<std::string> ids;
     nlohmann::json next = "/v1/bakes?limit=1000";
     while (!next.is_null()) {
-      const nlohmann::json page = client().Get(next.get<std::string>()).Json();
+      const nlohmann::json page = Get(next.get<std::string>()).Json();
       for (const nlohmann::json& job : page.at("bakes")) {
         ids.insert(job.at("links").at("self").get<std::string>());
       }
@@ -201,7 +216,9 @@ INSTANTIATE_TEST_SUITE_P(Of, KillTest,
                                          Case{"AWorkerOnSqlite", false, Target::kWorker},
                                          Case{"TheServerOnPostgres", true, Target::kServer},
                                          Case{"AWorkerOnPostgres", true, Target::kWorker},
-                                         Case{"ThePostgresDatabase", true, Target::kDatabase}),
+                                         Case{"ThePostgresDatabase", true, Target::kDatabase},
+                                         Case{"APostgresDatabaseThatHangs", true,
+                                              Target::kDatabaseThatHangs}),
                          [](const auto& one) { return one.param.name; });
 
 TEST_P(KillTest, EndsEachJobOnce) {
@@ -236,7 +253,7 @@ TEST_P(KillTest, EndsEachJobOnce) {
   }
   std::set<std::string> paths;
   for (const Taken& one : all) {
-    EXPECT_EQ(client().Get(one.path).Json(), one.ended) << "what has ended stays so";
+    EXPECT_EQ(Get(one.path).Json(), one.ended) << "what has ended stays so";
     paths.insert(one.path);
   }
   EXPECT_EQ(paths.size(), all.size());
