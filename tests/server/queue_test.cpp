@@ -247,6 +247,7 @@ TEST_P(QueueTest, TakesBackOnlyFromWhomHasNotBeatenSince) {
   ASSERT_EQ(before.size(), 1U);
   EXPECT_EQ(before[0].attempt.id, "a");
   EXPECT_EQ(before[0].attempt.number, 1);
+  EXPECT_EQ(before[0].worker, kWorker);
   EXPECT_TRUE(queue->Beat({"a", 1}, {}));
   EXPECT_FALSE(queue->TakeBack(before[0], BakeFailed("lost")));
   const std::vector<Held> after = queue->ListHeld();
