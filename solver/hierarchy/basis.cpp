@@ -21,54 +21,8 @@ double Dot(const std::array<double, 6>& a, const std::array<double, 6>& b) {
 
 }  // namespace
 
-void Quadrature::AddTriangle(const Polygon& triangle, double a, double weight) {
-  for (int k = 0; k < 3; ++k) {
-    points_[count_++] = {(1 - 2 * a) * triangle[k] + a * (triangle[(k + 1) % 3] + triangle[(k + 2) % 3]),
-                         weight};
-  }
-}
-
-Quadrature::Quadrature(const Polygon& element, std::size_t count) {
-  const bool quadratic = count > BasisCount(BasisOrder::kLinear);
-  if (count == 1) {
-    points_[count_++] = {element.Centroid(), 1};
-    return;
-  }
-  if (element.count == 3) {
-    if (quadratic) {
-      AddTriangle(element, 0.445948490915964886, 0.223381589678011466);
-      AddTriangle(element, 0.091576213509770743, 0.109951743655321868);
-    } else {
-      AddTriangle(element, 1.0 / 6, 1.0 / 3);
-    }
-    return;
-  }
-  // Of degree 2·degree + 1 in each of the bilinear coordinates, the Jacobian included.
-  const double off = quadratic ? std::sqrt(0.15) : std::sqrt(1.0 / 12);
-  const std::array<double, 3> node = {0.5 - off, 0.5 + off, 0.5};
-  const std::array<double, 3> share = {5.0 / 18, 5.0 / 18, 8.0 / 18};
-  const std::size_t nodes = quadratic ? 3 : 2;
-  double sum = 0;
-  for (std::size_t i = 0; i < nodes; ++i) {
-    for (std::size_t j = 0; j < nodes; ++j) {
-      const double s = node[i];
-      const double t = node[j];
-      const Vec3 along_s = (1 - t) * (element[1] - element[0]) + t * (element[2] - element[3]);
-      const Vec3 along_t = (1 - s) * (element[3] - element[0]) + s * (element[2] - element[1]);
-      const Vec3 x = element[0] + s * (element[1] - element[0]) + t * (1 - s) * (element[3] - element[0]) +
-                     t * s * (element[2] - element[1]);
-      const double weight = (quadratic ? share[i] * share[j] : 0.25) * along_s.cross(along_t).norm();
-      points_[count_++] = {x, weight};
-      sum += weight;
-    }
-  }
-  for (std::size_t k = 0; k < count_; ++k) {
-    points_[k].weight = sum > 0 ? points_[k].weight / sum : 1 / static_cast<double>(count_);
-  }
-}
-
 ElementBasis::ElementBasis(const Polygon& element, std::size_t count) : count_(count), more_{} {
-  const Quadrature rule(element, count);
+  const Quadrature rule(element, ProductDegree(count));
   const Vec3& corner = element[0];
   Vec3 longest = Vec3::Zero();
   for (int k = 0; k < element.count; ++k) {
@@ -172,7 +126,7 @@ void Basis::Extend(const Hierarchy& hierarchy) {
     if (parent == kNone) {
       continue;
     }
-    const Quadrature rule(shape, count_);
+    const Quadrature rule(shape, ProductDegree(count_));
     for (const QuadraturePoint& point : rule.points()) {
       const BasisValues above = elements_[parent].At(point.x);
       const BasisValues here = elements_[e].At(point.x);

@@ -9,6 +9,7 @@
 
 #include "solver/hierarchy/basis_order.h"
 #include "solver/hierarchy/hierarchy.h"
+#include "solver/scene/quadrature.h"
 
 namespace radbake {
 
@@ -16,30 +17,6 @@ inline constexpr std::size_t kMostInBasis = BasisCount(BasisOrder::kQuadratic);
 
 /// φ_0 … φ_{K−1} somewhere; what is beyond K is 0.
 using BasisValues = std::array<double, kMostInBasis>;
-
-/// A place to be summed over, and its weight; the weights of a rule sum to 1.
-struct QuadraturePoint {
-  Vec3 x;
-  double weight = 0;
-};
-
-/// Gauss points inside an element, exact for products of two polynomials of a basis (triangles: Strang and
-/// Fix 1973, Dunavant 1985; quadrilaterals: Gauss-Legendre in their bilinear coordinates, weighted with the
-/// Jacobian, so convex ones of any shape).
-class Quadrature {
- public:
-  /// `count`: of the basis, 1, 3 or 6. Corners 3 or 4.
-  Quadrature(const Polygon& element, std::size_t count);
-
-  std::span<const QuadraturePoint> points() const { return {points_.data(), count_}; }
-
- private:
-  void AddTriangle(const Polygon& triangle, double a, double weight);
-
-  static constexpr std::size_t kMost = 9;
-  std::array<QuadraturePoint, kMost> points_;
-  std::size_t count_ = 0;
-};
 
 /// The basis of one element: polynomials of the total degree in its plane with (1/A)·∫ φ_i·φ_j dA = δ_ij, so
 /// φ_0 = 1, and the coefficient of φ_0 is the mean. In a plane any polynomial of the parent is one of the

@@ -7,7 +7,9 @@
 namespace radbake {
 
 BasisEnd::BasisEnd(const Hierarchy& hierarchy, const Basis& basis, Index element)
-    : shape(hierarchy.Shape(element)), area(hierarchy[element].area), rule(shape, basis.count()) {
+    : shape(hierarchy.Shape(element)),
+      area(hierarchy[element].area),
+      rule(shape, ProductDegree(basis.count())) {
   for (std::size_t q = 0; q < rule.points().size(); ++q) {
     values[q] = basis.At(element, rule.points()[q].x);
   }

@@ -116,7 +116,7 @@ TEST(Basis, RulesSumProductsOfTwoExactly) {
       Basis basis(order);
       basis.Extend(*scene.hierarchy);
       for (Index e = 0; e < scene.hierarchy->size(); ++e) {
-        const Quadrature rule(scene.hierarchy->Shape(e), basis.count());
+        const Quadrature rule(scene.hierarchy->Shape(e), ProductDegree(basis.count()));
         for (std::size_t i = 0; i < basis.count(); ++i) {
           for (std::size_t j = i; j < basis.count(); ++j) {
             double sum = 0;
@@ -144,7 +144,7 @@ Rgb SomePolynomial(BasisOrder order, const Vec3& x) {
 
 std::vector<Rgb> Projected(const Basis& basis, BasisOrder order, const Hierarchy& hierarchy, Index e) {
   std::vector<Rgb> coefficients(basis.count(), Rgb::Zero());
-  const Quadrature rule(hierarchy.Shape(e), basis.count());
+  const Quadrature rule(hierarchy.Shape(e), ProductDegree(basis.count()));
   for (const QuadraturePoint& point : rule.points()) {
     const BasisValues values = basis.At(e, point.x);
     for (std::size_t k = 0; k < basis.count(); ++k) {
