@@ -14,6 +14,21 @@
 namespace radbake {
 namespace {
 
+/// A share of form factors that is nothing beside the oracle's errors: where nearly everything is reflected,
+/// a closed room adds theirs up over all its reflections.
+double ToleranceFor(const Patches& patches) {
+  constexpr double kMost = 1e-4;
+  constexpr double kLeft = 5e-4;
+  double reflectance = 0;
+  for (const Patch& patch : patches.patches) {
+    reflectance = std::max(reflectance, patch.reflectance.maxCoeff());
+  }
+  return std::min(kMost, kLeft * (1 - reflectance));
+}
+
+// Of how much a form factor varies: the oracle asks no more.
+constexpr double kVariationTolerance = 1e-2;
+
 template <typename Body>
 void ParallelFor(std::size_t count, const Body& body) {
   constexpr std::size_t kGrain = 64;
@@ -53,6 +68,13 @@ void Take(const SampledVisibility& sampled, Link& link) {
 }
 
 }  // namespace
+
+Linker::Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibility_rays, BasisOrder order)
+    : hierarchy_(hierarchy),
+      visibility_(visibility),
+      rays_(visibility_rays),
+      tolerance_(ToleranceFor(hierarchy.patches())),
+      basis_(order) {}
 
 template <typename Kernel>
 double Linker::Variation(Index receiver, const Vec3& nearest, const Kernel& kernel) const {
@@ -112,14 +134,14 @@ void Linker::MeasureElements(Link& link) const {
   // digits.
   const double exchange_area = hierarchy_.IsSky(link.shooter)
                                    ? area * PointToPolygon(receiver.Centroid(), receiver.normal, shooter)
-                                   : ExchangeArea(receiver, shooter);
+                                   : ExchangeArea(receiver, shooter, tolerance_);
   link.form_factor = static_cast<float>(exchange_area / area);
   if (!(link.form_factor > 0)) {
     return;
   }
-  link.variation = static_cast<float>(
-      Variation(link.receiver, NearestPoint(receiver, shooter.Centroid()),
-                [&](const Vec3& x) { return PointToPolygon(x, receiver.normal, shooter); }));
+  link.variation = static_cast<float>(Variation(
+      link.receiver, NearestPoint(receiver, shooter.Centroid()),
+      [&](const Vec3& x) { return PointToPolygon(x, receiver.normal, shooter, kVariationTolerance); }));
   link.clear = link.clear || visibility_.Clear(receiver, shooter);
   if (link.clear) {
     link.visibility = link.judged = 1;

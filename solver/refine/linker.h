@@ -15,8 +15,7 @@ class Linker {
   /// `visibility_rays`: cast for a link that no shaft proves clear. `order`: of the basis, which says what of
   /// the form factor's variation is left over.
   Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibility_rays,
-         BasisOrder order = BasisOrder::kConstant)
-      : hierarchy_(hierarchy), visibility_(visibility), rays_(visibility_rays), basis_(order) {}
+         BasisOrder order = BasisOrder::kConstant);
 
   /// Links every two patches that face one another, and each patch to every light; or, with clusters, the
   /// root cluster to itself, to the sky and to every light.
@@ -46,6 +45,7 @@ class Linker {
   Hierarchy& hierarchy_;
   const Visibility& visibility_;
   int rays_;
+  double tolerance_;  // of form factors
   Basis basis_;
   Links links_;
   std::size_t measured_ = 0;

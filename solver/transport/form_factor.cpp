@@ -8,6 +8,8 @@
 #include <span>
 #include <utility>
 
+#include "solver/scene/quadrature.h"
+
 namespace radbake {
 namespace {
 
@@ -206,10 +208,56 @@ double Lambert(const Vec3& x, const Vec3& n, const Polygon& visible) {
   return std::clamp(sum / kTwoPi, 0.0, 1.0);
 }
 
+/// The degree of the points that err by less than `tolerance`, for ends of this radius squared, altogether,
+/// at this distance squared; 0: none do. Measured over random triangles and quadrilaterals of aspects up
+/// to 10.
+int DegreeFor(double radius2, double distance2, double tolerance) {
+  if (!(radius2 < distance2)) {
+    return 0;
+  }
+  const double q2 = radius2 / distance2;
+  if (0.4 * q2 * q2 <= tolerance) {
+    return 2;
+  }
+  return 0.1 * q2 * q2 * q2 <= tolerance ? 4 : 0;
+}
+
+double SquaredRadius(const Polygon& polygon, const Vec3& centre) {
+  double radius2 = 0;
+  for (int k = 0; k < polygon.count; ++k) {
+    radius2 = std::max(radius2, (polygon[k] - centre).squaredNorm());
+  }
+  return radius2;
+}
+
+/// ∫ cos θ_x·cos θ_y / r² over the points' polygon, without its area and the height of x over it.
+double SumOver(const Quadrature& rule, const Vec3& x, const Vec3& n) {
+  double sum = 0;
+  for (const QuadraturePoint& point : rule.points()) {
+    const Vec3 along = point.x - x;
+    const double r2 = along.squaredNorm();
+    sum += point.weight * along.dot(n) / (r2 * r2);
+  }
+  return sum;
+}
+
+/// A_i·F_ij by the points of both.
+double BetweenPoints(const Polygon& i, const Polygon& j, int degree) {
+  const Quadrature on_i(i, degree);
+  const Quadrature on_j(j, degree);
+  const Plane plane_j = PlaneOf(j);
+  double sum = 0;
+  for (const QuadraturePoint& point : on_i.points()) {
+    sum += point.weight * plane_j.Distance(point.x) * SumOver(on_j, point.x, i.normal);
+  }
+  return std::max(0.0, std::numbers::inv_pi * on_i.area() * on_j.area() * sum);
+}
+
 }  // namespace
 
-double PointToPolygon(const Vec3& x, const Vec3& n, const Polygon& polygon) {
-  if (PlaneOf(polygon).Distance(x) <= 0) {
+double PointToPolygon(const Vec3& x, const Vec3& n, const Polygon& polygon, double tolerance) {
+  const double height = PlaneOf(polygon).Distance(x);
+  if (height <= 0) {
     return 0;
   }
   const Plane horizon{n, n.dot(x)};
@@ -217,14 +265,33 @@ double PointToPolygon(const Vec3& x, const Vec3& n, const Polygon& polygon) {
   if (extent.front <= kOnPlane) {
     return 0;
   }
-  return extent.behind > kOnPlane ? Lambert(x, n, ClipToFront(polygon, horizon)) : Lambert(x, n, polygon);
+  if (extent.behind > kOnPlane) {
+    return Lambert(x, n, ClipToFront(polygon, horizon));
+  }
+  if (tolerance > 0 && polygon.count <= 4) {
+    const Vec3 centre = polygon.Centroid();
+    if (const int degree = DegreeFor(SquaredRadius(polygon, centre), (centre - x).squaredNorm(), tolerance)) {
+      const Quadrature rule(polygon, degree);
+      return std::numbers::inv_pi * height * rule.area() * SumOver(rule, x, n);
+    }
+  }
+  return Lambert(x, n, polygon);
 }
 
-double ExchangeArea(const Polygon& i, const Polygon& j) {
+double ExchangeArea(const Polygon& i, const Polygon& j, double tolerance) {
   Polygon front_i = i;
   Polygon front_j = j;
   if (!KeepFront(front_i, PlaneOf(j)) || !KeepFront(front_j, PlaneOf(i))) {
     return 0;
+  }
+  if (tolerance > 0 && front_i.count <= 4 && front_j.count <= 4) {
+    const Vec3 centre_i = front_i.Centroid();
+    const Vec3 centre_j = front_j.Centroid();
+    const double radius =
+        std::sqrt(SquaredRadius(front_i, centre_i)) + std::sqrt(SquaredRadius(front_j, centre_j));
+    if (const int degree = DegreeFor(radius * radius, (centre_i - centre_j).squaredNorm(), tolerance)) {
+      return BetweenPoints(front_i, front_j, degree);
+    }
   }
   std::array<Edge, 7> edges_i;
   std::array<Edge, 7> edges_j;

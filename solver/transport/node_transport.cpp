@@ -195,12 +195,13 @@ bool ClearToLight(const Visibility& visibility, const Polygon& receiver, const P
   return visibility.Clear(receiver, end);
 }
 
-double UnoccludedAt(const Hierarchy& hierarchy, const Vec3& x, const Vec3& n, Index shooter) {
+double UnoccludedAt(const Hierarchy& hierarchy, const Vec3& x, const Vec3& n, Index shooter,
+                    double tolerance) {
   if (IsPunctual(shooter)) {
     return PunctualKernel(hierarchy.patches().lights[shooter - kFirstPunctual], x, n);
   }
   if (IsElement(shooter)) {
-    return PointToPolygon(x, n, hierarchy.Shape(shooter));
+    return PointToPolygon(x, n, hierarchy.Shape(shooter), tolerance);
   }
   const Cluster& cluster = hierarchy.clusters()[shooter - kFirstCluster];
   const Vec3 along = cluster.centre - x;

@@ -42,9 +42,11 @@ Openness LookAround(const Hierarchy& hierarchy, const Visibility& visibility);
 /// Is it proved that nothing is between an element and a light without area?
 bool ClearToLight(const Visibility& visibility, const Polygon& receiver, const PunctualLight& light);
 
-/// Irradiance at `x` with unit normal `n` per unit of what the node shoots, unoccluded: exact from an element
-/// and a light; from a cluster as if all of it were in its middle.
-double UnoccludedAt(const Hierarchy& hierarchy, const Vec3& x, const Vec3& n, Index shooter);
+/// Irradiance at `x` with unit normal `n` per unit of what the node shoots, unoccluded: exact from an
+/// element, or with this tolerance of PointToPolygon's, and from a light; from a cluster as if all of it were
+/// in its middle.
+double UnoccludedAt(const Hierarchy& hierarchy, const Vec3& x, const Vec3& n, Index shooter,
+                    double tolerance = 0);
 
 /// Irradiance at `x` with unit normal `n` from a cluster, by `rays` points on its patches and what each of
 /// those shoots; or from a light, by one ray.

@@ -130,6 +130,60 @@ TEST(ExchangeArea, IsReciprocalForRandomTriangles) {
   EXPECT_GT(facing, 100);
 }
 
+/// Triangles and quadrilaterals of aspects up to 10 around the origin, `size` wide.
+Polygon RandomPolygon(std::mt19937& random, double size) {
+  std::uniform_real_distribution<double> unit(-1, 1);
+  const auto vector = [&] { return Vec3(unit(random), unit(random), unit(random)); };
+  const Vec3 along = size * vector().normalized();
+  const Vec3 side = along.cross(vector()).normalized();
+  const Vec3 across = std::pow(10, -std::abs(unit(random))) * size * side + 0.5 * unit(random) * along;
+  const Vec3 corner = -0.5 * (along + across);
+  return random() % 2 == 0 ? Triangular(corner, corner + along, corner + across)
+                           : Quad(corner, corner + along, corner + 0.9 * along + across, corner + across);
+}
+
+struct Errors {
+  double square = 0;
+  int count = 0;
+  void Add(double estimate, double exact) {
+    square += std::pow(estimate / exact - 1, 2);
+    ++count;
+  }
+  double Rms() const { return std::sqrt(square / count); }
+};
+
+TEST(FormFactors, ByPointsErrByLessThanTheirToleranceOnTheAverage) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (const double tolerance : {1e-5, 1e-4, 1e-3}) {
+    Errors between;
+    Errors from_point;
+    for (int k = 0; k < 4000; ++k) {
+      const Polygon a = RandomPolygon(random, 1);
+      Polygon b = RandomPolygon(random, std::pow(10, unit(random) - 0.5));
+      const Vec3 away = std::pow(10, unit(random)) * RandomPolygon(random, 1).normal;
+      for (int c = 0; c < b.count; ++c) {
+        b[c] += away;
+      }
+      const double exact = ExchangeArea(a, b);
+      const double estimate = ExchangeArea(a, b, tolerance);
+      EXPECT_NEAR(ExchangeArea(b, a, tolerance), estimate, 1e-6 * estimate);
+      if (exact > 1e-7 && estimate != exact) {
+        between.Add(estimate, exact);
+      }
+      const double seen = PointToPolygon(Vec3::Zero(), a.normal, b);
+      const double by_points = PointToPolygon(Vec3::Zero(), a.normal, b, tolerance);
+      if (seen > 1e-7 && by_points != seen) {
+        from_point.Add(by_points, seen);
+      }
+    }
+    EXPECT_GT(between.count, 100);
+    EXPECT_GT(from_point.count, 200);
+    EXPECT_LT(between.Rms(), tolerance);
+    EXPECT_LT(from_point.Rms(), tolerance);
+  }
+}
+
 TEST(ExchangeArea, OfPolygonsThatCrossEachOthersPlaneMatchesPointwiseIntegration) {
   const Polygon tilted = Quad({0.2, 0.3, -0.5}, {0.2, 0.9, -0.5}, {0.7, 0.9, 0.5}, {0.7, 0.3, 0.5});
   constexpr int kGrid = 400;
