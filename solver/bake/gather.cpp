@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <limits>
 
 #include "solver/transport/coupling.h"
@@ -20,6 +22,9 @@ double DepthInside(const Polygon& polygon, const Vec3& x) {
   }
   return depth;
 }
+
+// Of form factors: beside what the links themselves leave it is nothing.
+constexpr double kTolerance = 1e-3;
 
 /// How far the visibility of a point of the receiver may be from the link's: much where that is neither 0 nor
 /// 1.
@@ -76,46 +81,54 @@ bool Gatherer::IsSealed(const Vec3& x, Index leaf) const {
   return visibility_.IsSealed(x, hierarchy_.Shape(leaf), batch.rays);
 }
 
-Rgb Gatherer::Along(const Link& link, const Vec3& x, const Vec3& n, double scale, QuasiRandom<2>& on_polygon,
-                    QuasiRandom<3>& on_cluster, std::uint64_t& key) const {
+Estimate Gatherer::Along(const Link& link, Look& look) const {
+  const Vec3& x = look.x;
+  const Vec3& n = look.n;
   const bool self = link.receiver == link.shooter;
   const Rgb shooting =
       self ? light_.cluster_radiosity[link.shooter - kFirstCluster].mean : Shooting(link.shooter, x, n);
-  const double brightness = Luminance(shooting) / scale;
+  const double brightness = Luminance(shooting) / look.scale;
   // A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters.
   // Hundreds of links that hardly matter may err the same way, as in a cavity of a cluster: a few of them
   // cast a ray for all (Russian roulette).
   double chance = 1;
+  const double uncertainty = Uncertainty(link);
   if (!link.clear) {
-    chance = std::min(1.0, brightness * link.form_factor * Uncertainty(link) / options_.negligible);
-    key = Hash(key);
-    if (static_cast<double>(key >> 11U) * 0x1p-53 >= chance) {
+    chance = std::min(1.0, brightness * look.effort * link.form_factor * uncertainty / options_.negligible);
+    look.key = Hash(look.key);
+    if (static_cast<double>(look.key >> 11U) * 0x1p-53 >= chance) {
       chance = 0;
     }
   }
   if (chance == 0 && link.visibility == 0) {
-    return Rgb::Zero();
+    return {};
   }
   const double unoccluded =
-      self ? static_cast<double>(link.form_factor) : UnoccludedAt(hierarchy_, x, n, link.shooter);
-  Rgb open = unoccluded * shooting;
+      self ? static_cast<double>(link.form_factor) : UnoccludedAt(hierarchy_, x, n, link.shooter, kTolerance);
+  const Rgb open = unoccluded * shooting;
   if (link.clear) {
-    return open;
+    return {open};
   }
-  Rgb expected = link.visibility * open;
+  const Rgb expected = link.visibility * open;
   if (chance == 0) {
-    return expected;
+    return {expected};
   }
-  const double share = std::min(1.0, Luminance(open) / scale);
+  const double share = look.effort * uncertainty * std::min(1.0, Luminance(open) / look.scale);
   const int rays = chance < 1 ? 1 : std::max(1, static_cast<int>(std::lround(share * options_.rays)));
-  // Where the solve found a shadow's edge there is one; elsewhere a few rays look for it.
-  const bool edge = link.visibility > 0 && link.visibility < 1;
-  const int first = edge ? rays : std::max(1, rays / 4);
-  const Rgb seen =
-      IsElement(link.shooter)
-          ? Rgb(visibility_.FromPoint(x, n, hierarchy_.Shape(link.shooter), on_polygon, first, rays) * open)
-          : FromNodeAt(hierarchy_, light_, visibility_, x, n, link.shooter, on_cluster, rays);
-  return expected + (seen - expected) / chance;
+  double variance = 0;
+  Rgb seen;
+  if (IsElement(link.shooter)) {
+    const double visible = visibility_.FromPoint(x, n, hierarchy_.Shape(link.shooter), look.on_polygon, rays);
+    seen = visible * open;
+    variance = visible * (1 - visible) * open.square().sum() / rays;
+  } else {
+    seen = FromNodeAt(hierarchy_, light_, visibility_, x, n, link.shooter, look.on_cluster, rays);
+  }
+  const Rgb surprise = (seen - expected) / chance;
+  if (chance < 1 || IsCluster(link.shooter)) {
+    variance = surprise.square().sum() / rays;
+  }
+  return {expected + surprise, variance};
 }
 
 Rgb Gatherer::Shooting(Index shooter, const Vec3& x, const Vec3& n) const {
@@ -149,16 +162,21 @@ Rgb Gatherer::Solved(Index leaf, const Vec3& x) const {
   return light_.irradiance[leaf] / open;
 }
 
-Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
-  const Vec3& n = hierarchy_.PatchOf(leaf).normal;
+Estimate Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key, double effort) const {
   // A dark corner gets as many rays as its own light deserves, within reason.
-  const double scale = std::max(Luminance(light_.irradiance[leaf]), 0.1 * typical_);
-  QuasiRandom<2> on_polygon(key);
-  QuasiRandom<3> on_cluster(key);
-  Rgb sum = Rgb::Zero();
+  Look look{x,
+            hierarchy_.PatchOf(leaf).normal,
+            std::max(Luminance(light_.irradiance[leaf]), 0.1 * typical_),
+            effort,
+            QuasiRandom<2>(key),
+            QuasiRandom<3>(key),
+            key};
+  Estimate sum;
   const auto add = [&](Index receiver) {
     for (const Link& link : links_.Into(receiver)) {
-      sum += Along(link, x, n, scale, on_polygon, on_cluster, key);
+      const Estimate part = Along(link, look);
+      sum.irradiance += part.irradiance;
+      sum.variance += part.variance;
     }
   };
   for (Index e = leaf; e != kNone; e = hierarchy_[e].parent) {
@@ -168,7 +186,8 @@ Rgb Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const {
   for (Index c = clusters.Above(hierarchy_[leaf].patch); c != kNone; c = clusters[c].parent) {
     add(ClusterNode(c));
   }
-  return sum.max(0.0);
+  sum.irradiance = sum.irradiance.max(0.0);
+  return sum;
 }
 
 }  // namespace radbake

@@ -12,6 +12,12 @@ struct GatherOptions {
   double negligible = 4e-4;  ///< share of a point's light that may be wrong without being looked at
 };
 
+/// What rays say of the irradiance at a point.
+struct Estimate {
+  Rgb irradiance = Rgb::Zero();  ///< normalised
+  double variance = 0;           ///< of all channels, as the rays themselves tell
+};
+
 /// The links into an element, its ancestors and the clusters above say which shooters light it; at a point
 /// inside, each one's form factor is exact (Lambert's formula), and its visibility is the point's own
 /// wherever no shaft proved it open (compare Lischinski, Tampieri, Greenberg, Combining hierarchical
@@ -47,14 +53,24 @@ class Gatherer {
   /// polynomial, without a ray.
   Rgb Solved(Index leaf, const Vec3& x) const;
 
-  /// Irradiance, normalised, at `x` inside `leaf` = SolverLeaf(…, x). `x` must not lie on the leaf's outline.
-  /// `key` seeds the shadow rays.
-  Rgb Irradiance(const Vec3& x, Index leaf, std::uint64_t key) const;
+  /// The irradiance at `x` inside `leaf` = SolverLeaf(…, x). `x` must not lie on the leaf's outline.
+  /// `key` seeds the shadow rays; `effort` times as many are cast as GatherOptions say.
+  Estimate Irradiance(const Vec3& x, Index leaf, std::uint64_t key, double effort = 1) const;
 
  private:
-  /// What one link brings to `x`. `scale`: luminous irradiance that is worth all of GatherOptions::rays.
-  Rgb Along(const Link& link, const Vec3& x, const Vec3& n, double scale, QuasiRandom<2>& on_polygon,
-            QuasiRandom<3>& on_cluster, std::uint64_t& key) const;
+  /// From one point along all links.
+  struct Look {
+    const Vec3& x;
+    const Vec3& n;
+    double scale;  // luminous irradiance that is worth all of GatherOptions::rays
+    double effort;
+    QuasiRandom<2> on_polygon;
+    QuasiRandom<3> on_cluster;
+    std::uint64_t key;
+  };
+
+  /// What one link brings.
+  Estimate Along(const Link& link, Look& look) const;
 
   /// What `x` sees of a shooter on the whole.
   Rgb Shooting(Index shooter, const Vec3& x, const Vec3& n) const;

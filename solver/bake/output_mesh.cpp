@@ -15,14 +15,13 @@
 namespace radbake {
 namespace {
 
-// Mean square of the interpolation error over an element, in squares of the centre's: 1/4 where a shadow's
-// edge crosses the element, 1/30 and less where irradiance is smooth.
-constexpr double kElementError = 0.4;
+// Mean square of the interpolation error over an element, in squares of how far the centre is from what the
+// corners say: where a shadow's edge crosses the element, and where irradiance is smooth.
+constexpr double kEdge = 0.4;
+constexpr double kSmooth = 1.0 / 30;
 
-const Rgb kNotGathered = Rgb::Constant(-1);
-bool IsGathered(const Rgb& value) {
-  return value[0] >= 0;
-}
+// Of the rays' variance at the centre and the corners together, what is left of it between them.
+constexpr double kNoiseLeft = 0.5;
 
 Vec3 ElementCentre(const Hierarchy& hierarchy, Index element) {
   const Polygon shape = hierarchy.Shape(element);
@@ -109,18 +108,15 @@ OutputMesh::OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Lin
 }
 
 void OutputMesh::GrowWithHierarchy() {
-  irradiance_.resize(hierarchy_.vertex_count(), kNotGathered);
-  sealed_.resize(hierarchy_.vertex_count(), 0);
-  centre_.resize(hierarchy_.size(), kNotGathered);
-  sealed_centre_.resize(hierarchy_.size(), 0);
+  at_vertex_.resize(hierarchy_.vertex_count());
+  at_centre_.resize(hierarchy_.size());
 }
 
 void OutputMesh::Divide(Index element) {
   const Index first = hierarchy_.Divide(element);
   GrowWithHierarchy();
-  if (hierarchy_.DivisionOf(element) == Division::kSquare && IsGathered(centre_[element])) {
-    irradiance_[hierarchy_[first].corner[2]] = centre_[element];
-    sealed_[hierarchy_[first].corner[2]] = sealed_centre_[element];
+  if (hierarchy_.DivisionOf(element) == Division::kSquare && at_centre_[element].gathered) {
+    at_vertex_[hierarchy_[first].corner[2]] = at_centre_[element];
     ++gathered_;
   }
 }
@@ -175,7 +171,7 @@ bool OutputMesh::GatherVertices(const std::function<bool()>& stop, Source source
   std::vector<Meeting> meetings;
   for (std::size_t k = 0; k < cut_.size(); ++k) {
     for (const Index vertex : loops_[k]) {
-      if (!IsGathered(irradiance_[vertex])) {
+      if (!at_vertex_[vertex].gathered) {
         meetings.push_back({vertex, cut_[k]});
       }
     }
@@ -194,8 +190,9 @@ bool OutputMesh::GatherVertices(const std::function<bool()>& stop, Source source
   begin.push_back(meetings.size());
   return ForEach(count, stop, [&](std::size_t v) {
     const Index vertex = meetings[begin[v]].vertex;
+    Sample& sample = at_vertex_[vertex];
+    sample.gathered = true;
     std::vector<Index> seen;
-    Rgb sum = Rgb::Zero();
     bool sealed = false;
     for (std::size_t k = begin[v]; k < begin[v + 1]; ++k) {
       const Index element = meetings[k].element;
@@ -215,22 +212,24 @@ bool OutputMesh::GatherVertices(const std::function<bool()>& stop, Source source
         continue;
       }
       seen.push_back(leaf);
-      sum +=
-          source == Source::kRays ? gatherer_.Irradiance(x, leaf, Hash(vertex)) : gatherer_.Solved(leaf, x);
+      const Estimate estimate = At(x, leaf, Hash(vertex), source);
+      sample.irradiance += estimate.irradiance;
+      sample.variance += estimate.variance;
     }
-    sealed_[vertex] = sealed && seen.empty() ? 1 : 0;
-    irradiance_[vertex] = seen.empty() ? sum : sum / static_cast<double>(seen.size());
+    sample.sealed = sealed && seen.empty();
+    if (!seen.empty()) {
+      // The same random numbers at the same place: what errs at one errs at all.
+      sample.irradiance /= static_cast<double>(seen.size());
+      sample.variance /= static_cast<double>(seen.size());
+    }
   });
 }
 
 bool OutputMesh::GatherCentres(const std::function<bool()>& stop, Source source) {
   return ForEach(cut_.size(), stop, [&](std::size_t k) {
     const Index e = cut_[k];
-    if (IsGathered(centre_[e])) {
-      return;
-    }
-    if (!IsLit(e)) {
-      centre_[e] = Rgb::Zero();
+    Sample& sample = at_centre_[e];
+    if (std::exchange(sample.gathered, true) || !IsLit(e)) {
       return;
     }
     // A hair off the centre, which may lie on an edge of a younger element of the solver's.
@@ -239,65 +238,113 @@ bool OutputMesh::GatherCentres(const std::function<bool()>& stop, Source source)
     const Vec3 centre = ElementCentre(hierarchy_, e);
     const Vec3 x = centre + kOff * (0.6 * (shape[0] - centre) + 0.4 * (shape[1] - centre));
     const Index leaf = gatherer_.SolverLeaf(e, x);
-    if (source == Source::kSolution) {
-      sealed_centre_[e] = gatherer_.IsSealed(leaf) ? 1 : 0;
-      centre_[e] = gatherer_.Solved(leaf, x);
-      return;
+    sample.sealed = source == Source::kRays ? gatherer_.IsSealed(x, leaf) : gatherer_.IsSealed(leaf);
+    if (!sample.sealed) {
+      const Estimate estimate = At(x, leaf, Hash(~static_cast<std::uint64_t>(e)), source);
+      sample.irradiance = estimate.irradiance;
+      sample.variance = estimate.variance;
     }
-    sealed_centre_[e] = gatherer_.IsSealed(x, leaf) ? 1 : 0;
-    centre_[e] = sealed_centre_[e] != 0 ? Rgb::Zero().eval()
-                                        : gatherer_.Irradiance(x, leaf, Hash(~static_cast<std::uint64_t>(e)));
   });
+}
+
+Estimate OutputMesh::At(const Vec3& x, Index leaf, std::uint64_t key, Source source) const {
+  return source == Source::kRays ? gatherer_.Irradiance(x, leaf, key, effort_)
+                                 : Estimate{gatherer_.Solved(leaf, x)};
+}
+
+OutputMesh::Deviation OutputMesh::DeviationOf(Index e) const {
+  const Element& element = hierarchy_[e];
+  const auto count = static_cast<std::size_t>(element.CornerCount());
+  Deviation result;
+  result.noise = at_centre_[e].variance;
+  for (std::size_t c = 0; c < count; ++c) {
+    const Sample& corner = at_vertex_[element.corner[c]];
+    result.mean += corner.irradiance / static_cast<double>(count);
+    result.noise += corner.variance / static_cast<double>(count * count);
+  }
+  result.squared = (at_centre_[e].irradiance - result.mean).square().sum();
+  return result;
+}
+
+double OutputMesh::ErrorPerDeviation(Index e, const Deviation& deviation) const {
+  const Index parent = hierarchy_[e].parent;
+  if (parent == kNone || !at_centre_[parent].gathered) {
+    return kEdge;
+  }
+  const Deviation above = DeviationOf(parent);
+  const double before = above.squared - above.noise;
+  const double now = std::max(0.0, deviation.squared - deviation.noise);
+  // Where irradiance is smooth, halving lowers its deviation to a quarter; at an edge it stays.
+  constexpr double kSmoothFall = 1.0 / 16;
+  constexpr double kEdgeFall = 1.0 / 4;
+  if (!(before > 0)) {
+    return kEdge;
+  }
+  const double edge = std::clamp((now / before - kSmoothFall) / (kEdgeFall - kSmoothFall), 0.0, 1.0);
+  return kSmooth + edge * (kEdge - kSmooth);
 }
 
 std::vector<double> OutputMesh::SquaredErrors() {
   std::vector<double> errors(cut_.size());
   double norm = 0;
-  double error = 0;
+  double interpolation = 0;
+  double noise = 0;
   for (std::size_t k = 0; k < cut_.size(); ++k) {
-    const Element& element = hierarchy_[cut_[k]];
-    const auto count = static_cast<std::size_t>(element.CornerCount());
-    Rgb mean = Rgb::Zero();
-    for (std::size_t c = 0; c < count; ++c) {
-      mean += irradiance_[element.corner[c]];
-    }
-    mean /= static_cast<double>(count);
-    errors[k] = kElementError * element.area * (centre_[cut_[k]] - mean).square().sum();
-    error += errors[k];
-    norm += element.area * mean.square().sum();
+    const Deviation deviation = DeviationOf(cut_[k]);
+    const double area = hierarchy_[cut_[k]].area;
+    const double share = area * ErrorPerDeviation(cut_[k], deviation);
+    // What the rays' noise adds to the deviation of many, it does not add to the error of interpolation.
+    errors[k] = share * std::max(0.0, deviation.squared - deviation.noise);
+    interpolation += share * (deviation.squared - deviation.noise);
+    noise += kNoiseLeft * area * deviation.noise;
+    norm += area * deviation.mean.square().sum();
   }
-  error_ = norm > 0 ? std::sqrt(error / norm) : 0;
+  error_ = norm > 0 ? std::sqrt(std::max(0.0, interpolation) / norm) : 0;
+  noise_ = norm > 0 ? std::sqrt(noise / norm) : 0;
   return errors;
+}
+
+void OutputMesh::SpendAsNeeded(double noise) {
+  constexpr double kMost = 64;
+  constexpr double kWorth = 1.5;
+  const double effort = std::clamp(std::pow(noise_ / noise, 2), 0.5, kMost / effort_);
+  if (effort < kWorth) {
+    return;
+  }
+  effort_ *= effort;
+  std::ranges::fill(at_vertex_, Sample{});
+  std::ranges::fill(at_centre_, Sample{});
+  gathered_ = 0;
 }
 
 void OutputMesh::CoverSealed() {
   std::map<Index, Neighbours> by_vertex;
   for (std::size_t k = 0; k < cut_.size(); ++k) {
-    const Index e = cut_[k];
+    Sample& centre = at_centre_[cut_[k]];
     const Loop& loop = loops_[k];
     const bool fan = loop.size() > 3;
     Neighbours of_centre;
     for (std::size_t v = 0; v < loop.size(); ++v) {
-      if (sealed_[loop[v]] == 0) {
-        of_centre.Add(irradiance_[loop[v]]);
+      if (!at_vertex_[loop[v]].sealed) {
+        of_centre.Add(at_vertex_[loop[v]].irradiance);
         continue;
       }
       Neighbours& neighbours = by_vertex[loop[v]];
       for (const std::size_t other : {(v + 1) % loop.size(), (v + loop.size() - 1) % loop.size()}) {
-        if (sealed_[loop[other]] == 0) {
-          neighbours.Add(irradiance_[loop[other]]);
+        if (!at_vertex_[loop[other]].sealed) {
+          neighbours.Add(at_vertex_[loop[other]].irradiance);
         }
       }
-      if (fan && sealed_centre_[e] == 0) {
-        neighbours.Add(centre_[e]);
+      if (fan && !centre.sealed) {
+        neighbours.Add(centre.irradiance);
       }
     }
-    if (sealed_centre_[e] != 0) {
-      centre_[e] = of_centre.Cover();
+    if (centre.sealed) {
+      centre.irradiance = of_centre.Cover();
     }
   }
   for (const auto& [vertex, neighbours] : by_vertex) {
-    irradiance_[vertex] = neighbours.Cover();
+    at_vertex_[vertex].irradiance = neighbours.Cover();
   }
 }
 
@@ -368,6 +415,7 @@ MeshEnd OutputMesh::DivideWhereItMatters(const MeshOptions& options) {
     last_loops = loops_;
     const std::vector<double> errors = SquaredErrors();
     if (unseen > options.start_area) {
+      SpendAsNeeded(options.noise);
       unseen = std::max(unseen / kUnseenFall, options.start_area);
       DivideUnseen(unseen * area);
       continue;

@@ -11,6 +11,7 @@ namespace radbake {
 
 struct MeshOptions {
   double error = 0.01;       ///< target: relative RMS error of the interpolation
+  double noise = 0.01;       ///< target: relative RMS error of the rays' noise
   double start_area = 1e-3;  ///< lit elements above this share of the scene's area are divided unseen
   double min_area = 1e-8;    ///< elements below this share are not divided
   std::size_t max_vertices = 4'000'000;
@@ -46,15 +47,31 @@ class OutputMesh {
   /// interpolation of constants: Cohen, Greenberg 1985); quadratic ones once divided. Casts no ray.
   void TakeSolution();
 
-  /// Estimated relative RMS error of the interpolation.
+  /// Estimated relative RMS error of the interpolation, and of the rays' noise.
   double error() const { return error_; }
+  double noise() const { return noise_; }
   std::size_t vertex_count() const { return gathered_; }
-  const std::vector<Index>& cut() const { return cut_; }                     ///< the elements of the output
-  const std::vector<Loop>& loops() const { return loops_; }                  ///< parallel to cut()
-  const Rgb& Irradiance(Index vertex) const { return irradiance_[vertex]; }  ///< normalised
-  const Rgb& CentreIrradiance(Index element) const { return centre_[element]; }  ///< at ElementCentre()
+  const std::vector<Index>& cut() const { return cut_; }     ///< the elements of the output
+  const std::vector<Loop>& loops() const { return loops_; }  ///< parallel to cut()
+  const Rgb& Irradiance(Index vertex) const { return at_vertex_[vertex].irradiance; }  ///< normalised
+  const Rgb& CentreIrradiance(Index element) const {                                   ///< at ElementCentre()
+    return at_centre_[element].irradiance;
+  }
 
  private:
+  struct Sample {
+    Rgb irradiance = Rgb::Zero();
+    double variance = 0;  // of its rays
+    bool gathered = false;
+    bool sealed = false;
+  };
+  /// Of an element's centre from the mean of its corners.
+  struct Deviation {
+    Rgb mean = Rgb::Zero();
+    double squared = 0;
+    double noise = 0;  // of `squared`, what the rays' variance explains
+  };
+
   MeshEnd DivideWhereItMatters(const MeshOptions& options);
   void GrowWithHierarchy();
   void DivideUnseen(double area);
@@ -64,7 +81,11 @@ class OutputMesh {
   enum class Source { kRays, kSolution };
   bool GatherVertices(const std::function<bool()>& stop, Source source = Source::kRays);
   bool GatherCentres(const std::function<bool()>& stop, Source source = Source::kRays);
+  Estimate At(const Vec3& x, Index leaf, std::uint64_t key, Source source) const;
+  Deviation DeviationOf(Index element) const;
+  double ErrorPerDeviation(Index element, const Deviation& deviation) const;
   std::vector<double> SquaredErrors();
+  void SpendAsNeeded(double noise);
   void CoverSealed();
   bool IsLit(Index element) const { return lit_[hierarchy_[element].patch]; }
 
@@ -73,13 +94,13 @@ class OutputMesh {
   std::vector<bool> lit_;  // by patch: some link leads into it, or it lies under another
   std::vector<Index> cut_;
   std::vector<Loop> loops_;
-  std::vector<bool> used_;           // by position: a corner of some element of the cut
-  std::vector<Rgb> irradiance_;      // by vertex; negative: not gathered yet
-  std::vector<Rgb> centre_;          // by element; negative: not gathered yet
-  std::vector<char> sealed_;         // by vertex
-  std::vector<char> sealed_centre_;  // by element
+  std::vector<bool> used_;  // by position: a corner of some element of the cut
+  std::vector<Sample> at_vertex_;
+  std::vector<Sample> at_centre_;  // by element
   std::size_t gathered_ = 0;
   double error_ = 1;
+  double noise_ = 0;
+  double effort_ = 1;
 };
 
 /// Weights of an element's corners at its centre: dyadic, so that they sum to exactly 1 in float too.

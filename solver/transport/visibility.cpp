@@ -144,7 +144,7 @@ SampledVisibility Visibility::BetweenElements(const Polygon& a, const Polygon& b
 }
 
 double Visibility::FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, QuasiRandom<2>& random,
-                             int first, int rays) const {
+                             int rays) const {
   const Polygon front = ClipToFront(polygon, {n, n.dot(x)});
   if (front.count == 0) {
     return 0;
@@ -152,7 +152,7 @@ double Visibility::FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygo
   double open = 0;
   double all = 0;
   RayBatch batch(*this);
-  for (int cast = 0; cast < rays && (cast < first || (open > 0 && open < all)); ++cast) {
+  for (int k = 0; k < rays; ++k) {
     const auto u = random.Next();
     const Vec3 y = PointOn(front, u[0], u[1]);
     const double weight = std::max(0.0, (y - x).dot(n)) * Kernel(x, y, polygon.normal);

@@ -43,10 +43,9 @@ class Visibility {
   SampledVisibility BetweenElements(const Polygon& a, const Polygon& b, double exchange_area,
                                     std::uint64_t key, int rays) const;
 
-  /// The same from `x` to the polygon's part in front of the plane (x, n). Casts `first` of the `rays`, and
-  /// the rest only if those disagree. Neighbouring polygons that take turns with one `random` stratify each
-  /// other.
-  double FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, QuasiRandom<2>& random, int first,
+  /// The same from `x` to the polygon's part in front of the plane (x, n). Neighbouring polygons that take
+  /// turns with one `random` stratify each other.
+  double FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygon, QuasiRandom<2>& random,
                    int rays) const;
 
   /// Does the place `y` on a polygon lie under another surface in the same plane (Overlaps), or see nothing

@@ -237,7 +237,7 @@ TEST(OutputMesh, TakesTheLeavesAsTheyAreAndQuadraticOnesDividedOnce) {
     double& sum = error[static_cast<std::size_t>(order)];
     for (const Index e : mesh.cut()) {
       const Vec3 x = solved.hierarchy.Shape(e).Centroid() + Vec3::Constant(1e-9);
-      const Rgb known = gatherer.Irradiance(x, gatherer.SolverLeaf(e, x), e);
+      const Rgb known = gatherer.Irradiance(x, gatherer.SolverLeaf(e, x), e).irradiance;
       Rgb at_corners = Rgb::Zero();
       for (const Index corner : solved.hierarchy[e].corner) {
         at_corners += 0.25 * mesh.Irradiance(corner);
@@ -247,6 +247,29 @@ TEST(OutputMesh, TakesTheLeavesAsTheyAreAndQuadraticOnesDividedOnce) {
   }
   EXPECT_LT(error[1], 0.9 * error[0]);
   EXPECT_LT(error[2], 0.7 * error[1]);
+}
+
+TEST(OutputMesh, CastsRaysUntilTheirNoiseIsAsLowAsAsked) {
+  const Scene scene = testing::ShadowRoom();
+  GatherOptions few;
+  few.rays = 4;
+  few.negligible = 0.05;
+  std::array<std::uint64_t, 2> rays{};
+  constexpr std::array kNoise = {0.1, 0.01};
+  for (std::size_t k = 0; k < kNoise.size(); ++k) {
+    SolvedScene solved(scene, Quick());
+    const Gatherer gatherer(solved.hierarchy, solved.solution.light, solved.solution.links, solved.visibility,
+                            few);
+    OutputMesh mesh(solved.hierarchy, gatherer, solved.solution.links);
+    const std::uint64_t before = solved.visibility.Counted().rays;
+    MeshOptions options = Fine();
+    options.noise = kNoise[k];
+    mesh.Refine(options);
+    rays[k] = solved.visibility.Counted().rays - before;
+    EXPECT_GT(mesh.noise(), 0);
+    EXPECT_LT(mesh.noise(), 1.5 * kNoise[k]);
+  }
+  EXPECT_GT(rays[1], 4 * rays[0]);
 }
 
 TEST(OutputMesh, LightsBothSidesOfADoubleSidedSurfaceEachForItself) {

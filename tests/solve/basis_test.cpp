@@ -72,7 +72,8 @@ TEST(BasisFurnace, GlowsEvenlyInEveryBasis) {
               const double lux = solved.patches.normalization.radiance;
               worst = std::max(worst, (gatherer.Solved(e, inside) * lux / expected - 1).abs().maxCoeff());
               worst_gathered = std::max(
-                  worst_gathered, (gatherer.Irradiance(inside, e, e) * lux / expected - 1).abs().maxCoeff());
+                  worst_gathered,
+                  (gatherer.Irradiance(inside, e, e).irradiance * lux / expected - 1).abs().maxCoeff());
             }
           }
           EXPECT_LT(worst, 1e-3) << NameOf(order) << ", reflectance " << reflectance;
@@ -163,7 +164,7 @@ double ErrorOfSolution(const Hierarchy& hierarchy, const Visibility& visibility,
     for (int k = 0; k < 4; ++k) {
       const auto u = random.Next();
       const Vec3 x = PointOn(hierarchy.Shape(e), u[0], u[1]);
-      const Rgb gathered = gatherer.Irradiance(x, e, Hash(e) + static_cast<std::uint64_t>(k));
+      const Rgb gathered = gatherer.Irradiance(x, e, Hash(e) + static_cast<std::uint64_t>(k)).irradiance;
       difference += hierarchy[e].area * (gatherer.Solved(e, x) - gathered).square().sum();
       square += hierarchy[e].area * gathered.square().sum();
     }
@@ -287,8 +288,9 @@ TEST(BasisGather, SeesShootersAsUnevenAsTheyAre) {
           const auto u = random.Next();
           const Vec3 x = PointOn(solved.hierarchy.Shape(root), u[0], u[1]);
           difference +=
-              (gatherer.Irradiance(x, gatherer.SolverLeaf(root, x), Hash(root) + static_cast<Index>(k)) -
-               known.Irradiance(x, known.SolverLeaf(root, x), Hash(root) + static_cast<Index>(k)))
+              (gatherer.Irradiance(x, gatherer.SolverLeaf(root, x), Hash(root) + static_cast<Index>(k))
+                   .irradiance -
+               known.Irradiance(x, known.SolverLeaf(root, x), Hash(root) + static_cast<Index>(k)).irradiance)
                   .square()
                   .sum();
         }
