@@ -14,18 +14,6 @@
 namespace radbake {
 namespace {
 
-/// A share of form factors that is nothing beside the oracle's errors: where nearly everything is reflected,
-/// a closed room adds theirs up over all its reflections.
-double ToleranceFor(const Patches& patches) {
-  constexpr double kMost = 1e-4;
-  constexpr double kLeft = 5e-4;
-  double reflectance = 0;
-  for (const Patch& patch : patches.patches) {
-    reflectance = std::max(reflectance, patch.reflectance.maxCoeff());
-  }
-  return std::min(kMost, kLeft * (1 - reflectance));
-}
-
 // Of how much a form factor varies: the oracle asks no more.
 constexpr double kVariationTolerance = 1e-2;
 
@@ -73,7 +61,7 @@ Linker::Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibilit
     : hierarchy_(hierarchy),
       visibility_(visibility),
       rays_(visibility_rays),
-      tolerance_(ToleranceFor(hierarchy.patches())),
+      tolerance_(FormFactorTolerance(hierarchy.patches())),
       basis_(order) {}
 
 template <typename Kernel>

@@ -49,6 +49,7 @@ Rows::Rows(const Hierarchy& hierarchy, const Links& links, const Light& light)
   }
   entries_.resize(begin_.back());
   moments_.resize(shapes_ * begin_.back());
+  const double tolerance = FormFactorTolerance(hierarchy.patches());
   std::vector<Seen> seen(leaves_.size());
   constexpr std::size_t kGrain = 16;
   const auto for_each_row = [&](const auto& visit) {
@@ -59,7 +60,7 @@ Rows::Rows(const Hierarchy& hierarchy, const Links& links, const Light& light)
     });
   };
   for_each_row([&](std::size_t k, std::span<Gathered> row) {
-    seen[k] = Fill(hierarchy, links, light, leaves_[k], row,
+    seen[k] = Fill(hierarchy, links, light, leaves_[k], tolerance, row,
                    std::span(moments_).subspan(shapes_ * begin_[k], shapes_ * row.size()));
     Complete(seen[k], links.Into(leaves_[k]).size(), row);
   });
@@ -98,7 +99,7 @@ Rows::Rows(const Hierarchy& hierarchy, const Rows& of_leaves, const std::vector<
 }
 
 Rows::Seen Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Light& light, Index leaf,
-                      std::span<Gathered> row, std::span<float> moments) {
+                      double tolerance, std::span<Gathered> row, std::span<float> moments) {
   const Basis& basis = light.basis;
   const BasisEnd receiver(hierarchy, basis, leaf);
   const bool shaped = basis.count() > 1 && light.open[leaf] == 1;
@@ -106,7 +107,7 @@ Rows::Seen Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Ligh
   // At the points, times `open`: the mean, and the moments into their place.
   const auto look = [&](const Link& link, double open) {
     const BasisValues sums = MomentsOver(receiver, [&](const Vec3& x) {
-      return UnoccludedAt(hierarchy, x, receiver.shape.normal, link.shooter);
+      return UnoccludedAt(hierarchy, x, receiver.shape.normal, link.shooter, tolerance);
     });
     const auto visibility = static_cast<double>(link.visibility);
     for (std::size_t i = 1; shaped && i < basis.count(); ++i) {

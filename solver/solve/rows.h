@@ -58,7 +58,7 @@ class Rows {
   /// The means of the leaf's own links, and its ancestors' form factors at its centroid (its points). Returns
   /// what that sees.
   static Seen Fill(const Hierarchy& hierarchy, const Links& links, const Light& light, Index leaf,
-                   std::span<Gathered> row, std::span<float> moments);
+                   double tolerance, std::span<Gathered> row, std::span<float> moments);
   /// Scales the row to what is seen: what it inherits, and where visibility does not blur what is seen, its
   /// own links too.
   static void Complete(const Seen& leaf, std::size_t own_count, std::span<Gathered> row);

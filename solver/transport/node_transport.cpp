@@ -195,6 +195,16 @@ bool ClearToLight(const Visibility& visibility, const Polygon& receiver, const P
   return visibility.Clear(receiver, end);
 }
 
+double FormFactorTolerance(const Patches& patches) {
+  constexpr double kMost = 1e-4;
+  constexpr double kLeft = 5e-4;
+  double reflectance = 0;
+  for (const Patch& patch : patches.patches) {
+    reflectance = std::max(reflectance, patch.reflectance.maxCoeff());
+  }
+  return std::min(kMost, kLeft * (1 - reflectance));
+}
+
 double UnoccludedAt(const Hierarchy& hierarchy, const Vec3& x, const Vec3& n, Index shooter,
                     double tolerance) {
   if (IsPunctual(shooter)) {

@@ -42,6 +42,10 @@ Openness LookAround(const Hierarchy& hierarchy, const Visibility& visibility);
 /// Is it proved that nothing is between an element and a light without area?
 bool ClearToLight(const Visibility& visibility, const Polygon& receiver, const PunctualLight& light);
 
+/// A share of form factors that is nothing beside the oracle's errors, for PointToPolygon and ExchangeArea:
+/// the smaller, the more is reflected, since a closed room adds errors up over all reflections.
+double FormFactorTolerance(const Patches& patches);
+
 /// Irradiance at `x` with unit normal `n` per unit of what the node shoots, unoccluded: exact from an
 /// element, or with this tolerance of PointToPolygon's, and from a light; from a cluster as if all of it were
 /// in its middle.
