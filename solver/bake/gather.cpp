@@ -94,7 +94,8 @@ Estimate Gatherer::Along(const Link& link, Look& look) const {
   double chance = 1;
   const double uncertainty = Uncertainty(link);
   if (!link.clear) {
-    chance = std::min(1.0, brightness * look.effort * link.form_factor * uncertainty / options_.negligible);
+    const double form_factor = std::max(link.form_factor, link.judged_factor);
+    chance = std::min(1.0, brightness * look.effort * form_factor * uncertainty / options_.negligible);
     look.key = Hash(look.key);
     if (static_cast<double>(look.key >> 11U) * 0x1p-53 >= chance) {
       chance = 0;

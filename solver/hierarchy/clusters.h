@@ -25,6 +25,12 @@ struct Cluster {
   Index patches_end = 0;
 };
 
+/// A patch that is seen of a cluster, and its share of all that is seen.
+struct Source {
+  Index patch = 0;
+  float share = 0;
+};
+
 /// A tree of boxes over all surfaces' patches; a patch that is large for its box hangs directly below it.
 /// Cluster 0 is the root, and every cluster comes after its parent. Immutable.
 class Clusters {
@@ -50,6 +56,14 @@ class Clusters {
   const CosineSum& BasisOf(Index patch) const { return basis_[patch]; }
   /// The cluster that a patch hangs below; kNone if there are no clusters.
   Index Above(Index patch) const { return clusters_.empty() ? kNone : above_[patch]; }
+  /// Is the patch below the cluster?
+  bool Holds(Index cluster, Index patch) const {
+    Index above = above_[patch];
+    while (above != kNone && above > cluster) {
+      above = clusters_[above].parent;
+    }
+    return above == cluster;
+  }
   /// The patch that holds the share `u` in [0, 1) of the cluster's area; `u` becomes the share of the patch.
   Index PatchAt(Index cluster, double& u) const;
 

@@ -66,12 +66,21 @@ Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) con
   const Shot shot = ShotOf(hierarchy, link);
   const double area = hierarchy.Area(link.receiver);
   const double passed_on = std::max(kLeastPassedOn, LargestReflectance(hierarchy, link.receiver));
-  const double form_factor = link.form_factor;
+  const double form_factor = link.judged_factor;
   const double by_kernel = shot.radiosity * area * link.variation * link.judged * passed_on;
   const double by_visibility = shot.radiosity * area * form_factor * VisibilityUncertainty(link) * passed_on;
   const double by_shooter = shot.variation > 0 ? shot.variation * form_factor * hierarchy.patches().area *
                                                      UnevenView(hierarchy, link)
                                                : 0;
+  // The patches of a cluster share its light by how they are turned, not by which of them a shadow is on.
+  // What goes wrong goes all the same way, from the lit side of a wall to the hidden one, and of direct light
+  // it is most.
+  constexpr double kDirect = 4;
+  const bool sky = IsElement(link.shooter) && hierarchy.IsSky(link.shooter);
+  if (IsCluster(link.receiver) && (sky || IsPunctual(link.shooter)) &&
+      kDirect * (by_kernel + by_visibility) > w_min_) {
+    return Decision::kDivideReceiver;
+  }
   if (by_kernel + by_visibility + by_shooter <= w_min_) {
     return Decision::kKeep;
   }
@@ -85,7 +94,6 @@ Decision AdaptiveOracle::Judge(const Hierarchy& hierarchy, const Link& link) con
   bool receiver_first = false;
   if (IsCluster(link.receiver) || IsCluster(link.shooter)) {
     // The kernel over a pair is as uneven as its larger end is wide.
-    const bool sky = IsElement(link.shooter) && hierarchy.IsSky(link.shooter);
     const double shooter_radius = hierarchy.Radius(link.shooter) / (sky ? kSkyDistance : 1);
     receiver_first =
         by_shooter <= by_kernel + by_visibility && hierarchy.Radius(link.receiver) >= shooter_radius;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <utility>
 
 #include "solver/transport/coupling.h"
 #include "solver/transport/form_factor.h"
@@ -16,6 +17,8 @@ namespace {
 
 // Of how much a form factor varies: the oracle asks no more.
 constexpr double kVariationTolerance = 1e-2;
+
+constexpr std::size_t kChunk = 2048;  // links between two looks at the clock
 
 template <typename Body>
 void ParallelFor(std::size_t count, const Body& body) {
@@ -100,6 +103,7 @@ double Linker::Variation(Index receiver, const Vec3& nearest, const Kernel& kern
 }
 
 void Linker::Measure(Link& link) const {
+  link.source_count = 0;
   if (IsElement(link.receiver) && IsElement(link.shooter)) {
     MeasureElements(link);
   } else {
@@ -112,8 +116,9 @@ void Linker::MeasureElements(Link& link) const {
   const Polygon shooter = hierarchy_.Shape(link.shooter);
   // What is below two patches that face one another need not be asked again.
   const bool roots = hierarchy_[link.receiver].level == 0 || hierarchy_[link.shooter].level == 0;
-  link.form_factor = 0;
+  link.form_factor = link.judged_factor = 0;
   link.variation = 0;
+  link.carried = true;
   if (roots && !FaceOneAnother(receiver, shooter, hierarchy_.patches().weld)) {
     return;
   }
@@ -123,7 +128,7 @@ void Linker::MeasureElements(Link& link) const {
   const double exchange_area = hierarchy_.IsSky(link.shooter)
                                    ? area * PointToPolygon(receiver.Centroid(), receiver.normal, shooter)
                                    : ExchangeArea(receiver, shooter, tolerance_);
-  link.form_factor = static_cast<float>(exchange_area / area);
+  link.form_factor = link.judged_factor = static_cast<float>(exchange_area / area);
   if (!(link.form_factor > 0)) {
     return;
   }
@@ -140,8 +145,8 @@ void Linker::MeasureElements(Link& link) const {
 
 void Linker::MeasureNodes(Link& link) const {
   const NodeTransport sampled =
-      BetweenNodes(hierarchy_, visibility_, link.receiver, link.shooter, KeyOf(link), rays_);
-  link.form_factor = static_cast<float>(sampled.form_factor);
+      BetweenNodes(hierarchy_, visibility_, link.receiver, link.shooter, KeyOf(link), rays_ / 2);
+  link.form_factor = link.judged_factor = static_cast<float>(sampled.form_factor);
   link.variation = static_cast<float>(sampled.variation);
   if (basis_.count() > 1 && IsElement(link.receiver) && IsPunctual(link.shooter)) {
     const Polygon receiver = hierarchy_.Shape(link.receiver);
@@ -153,11 +158,48 @@ void Linker::MeasureNodes(Link& link) const {
   link.clear = IsElement(link.receiver) && IsPunctual(link.shooter) &&
                (link.clear || ClearToLight(visibility_, hierarchy_.Shape(link.receiver),
                                            hierarchy_.patches().lights[link.shooter - kFirstPunctual]));
-  if (link.clear) {
-    link.visibility = link.judged = 1;
-  } else {
-    Take(sampled.visibility, link);
+  link.visibility = link.judged = link.clear ? 1 : static_cast<float>(sampled.visibility);
+  link.carried = link.clear;
+}
+
+bool Linker::CarryAll(std::span<Link> links, const std::function<bool()>& stop) {
+  for (std::size_t begin = 0; begin < links.size(); begin += kChunk) {
+    if (begin > 0 && stop && stop()) {
+      return false;
+    }
+    const std::span<Link> chunk = links.subspan(begin, std::min(kChunk, links.size() - begin));
+    std::vector<std::vector<Source>> sources(chunk.size());
+    ParallelFor(chunk.size(), [&](std::size_t k) {
+      Link& link = chunk[k];
+      if (!link.carried) {
+        NodeTransport sampled =
+            BetweenNodes(hierarchy_, visibility_, link.receiver, link.shooter, Hash(KeyOf(link)), 2 * rays_);
+        link.form_factor = static_cast<float>(sampled.form_factor);
+        link.visibility = static_cast<float>(sampled.visibility);
+        sources[k] = std::move(sampled.sources);
+      }
+    });
+    for (std::size_t k = 0; k < chunk.size(); ++k) {
+      if (!chunk[k].carried) {
+        chunk[k].carried = true;
+        chunk[k].first_source = static_cast<Index>(sources_.size());
+        chunk[k].source_count = static_cast<Index>(sources[k].size());
+        sources_.insert(sources_.end(), sources[k].begin(), sources[k].end());
+      }
+    }
   }
+  return true;
+}
+
+void Linker::Assign(std::vector<Link>& links) {
+  std::vector<Source> sources;
+  for (Link& link : links) {
+    const auto own = std::span(sources_).subspan(link.first_source, link.source_count);
+    link.first_source = static_cast<Index>(sources.size());
+    sources.insert(sources.end(), own.begin(), own.end());
+  }
+  sources_.clear();
+  links_.Assign(links, hierarchy_.size(), hierarchy_.clusters().size(), std::move(sources));
 }
 
 void Linker::LinkRoots() {
@@ -194,7 +236,7 @@ void Linker::LinkRoots() {
     links.insert(links.end(), row.begin(), row.end());
   }
   measured_ += receivers.size() * shooters.size();
-  links_.Assign(links, hierarchy_.size(), hierarchy_.clusters().size());
+  Assign(links);
 }
 
 void Linker::Replace(const Link& link, Decision decision, std::vector<Link>& next) {
@@ -233,7 +275,6 @@ void Linker::Replace(const Link& link, Decision decision, std::vector<Link>& nex
 }
 
 bool Linker::MeasureAll(std::span<Link> links, const std::function<bool()>& stop) {
-  constexpr std::size_t kChunk = 2048;
   for (std::size_t begin = 0; begin < links.size(); begin += kChunk) {
     if (begin > 0 && stop && stop()) {
       return false;
@@ -248,6 +289,7 @@ bool Linker::MeasureAll(std::span<Link> links, const std::function<bool()>& stop
 std::size_t Linker::Refine(const Oracle& oracle, const std::function<bool()>& stop) {
   std::vector<Link> kept;
   std::vector<Link> open(links_.all().begin(), links_.all().end());
+  sources_.assign(links_.sources().begin(), links_.sources().end());
   std::size_t replaced = 0;
   while (!open.empty()) {
     if (stop && stop()) {
@@ -270,7 +312,7 @@ std::size_t Linker::Refine(const Oracle& oracle, const std::function<bool()>& st
       Replace(link, decisions[k], next);
     }
     basis_.Extend(hierarchy_);
-    if (!MeasureAll(next, stop)) {
+    if (!MeasureAll(next, stop) || !CarryAll(std::span(kept).subspan(kept_before), stop)) {
       kept.resize(kept_before);
       kept.insert(kept.end(), open.begin(), open.end());
       break;
@@ -278,7 +320,7 @@ std::size_t Linker::Refine(const Oracle& oracle, const std::function<bool()>& st
     open.clear();
     AppendLive(open, next);
   }
-  links_.Assign(kept, hierarchy_.size(), hierarchy_.clusters().size());
+  Assign(kept);
   return replaced;
 }
 

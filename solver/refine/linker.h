@@ -12,8 +12,9 @@ namespace radbake {
 
 class Linker {
  public:
-  /// `visibility_rays`: cast for a link that no shaft proves clear. `order`: of the basis, which says what of
-  /// the form factor's variation is left over.
+  /// `visibility_rays`: cast for a link that no shaft proves clear; to and from clusters and lights half as
+  /// many, by which the link is judged, and twice as many if it is kept. `order`: of the basis, which says
+  /// what of the form factor's variation is left over.
   Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibility_rays,
          BasisOrder order = BasisOrder::kConstant);
 
@@ -32,11 +33,15 @@ class Linker {
 
  private:
   /// Form factor and visibility of a link whose ends are set; one that carries nothing has form_factor 0.
+  /// What rays find is there to be judged first.
   void Measure(Link& link) const;
   /// All, unless `stop` says true.
   bool MeasureAll(std::span<Link> links, const std::function<bool()>& stop);
   void MeasureElements(Link& link) const;
   void MeasureNodes(Link& link) const;
+  /// What links that the oracle keeps carry, by rays of their own. All, unless `stop` says true.
+  bool CarryAll(std::span<Link> links, const std::function<bool()>& stop);
+  void Assign(std::vector<Link>& links);
   /// Of `kernel` over the receiver, whose point next to the shooter is `nearest`.
   template <typename Kernel>
   double Variation(Index receiver, const Vec3& nearest, const Kernel& kernel) const;
@@ -48,6 +53,7 @@ class Linker {
   double tolerance_;  // of form factors
   Basis basis_;
   Links links_;
+  std::vector<Source> sources_;  // while links are refined, of all that are carried or were
   std::size_t measured_ = 0;
 };
 

@@ -1,9 +1,13 @@
 #include "solver/refine/links.h"
 
+#include <utility>
+
 namespace radbake {
 
-void Links::Assign(const std::vector<Link>& links, std::size_t element_count, std::size_t cluster_count) {
+void Links::Assign(const std::vector<Link>& links, std::size_t element_count, std::size_t cluster_count,
+                   std::vector<Source> sources) {
   cluster_count_ = cluster_count;
+  sources_ = std::move(sources);
   const std::size_t rows = cluster_count + element_count;
   begin_.assign(rows + 1, 0);
   for (const Link& link : links) {

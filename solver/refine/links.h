@@ -14,21 +14,34 @@ struct Link {
   Index receiver = 0;
   Index shooter = 0;
   float form_factor = 0;  ///< F from receiver to shooter, unoccluded; from a light, irradiance per intensity
-  float variation = 0;    ///< largest difference of the point-to-shooter form factor over the receiver, less
-                          ///< what a higher basis explains of it
-  float visibility = 1;   ///< share of the light that is not blocked, sampled
-  float judged = 1;       ///< the same from other rays, for oracles: see SampledVisibility
-  bool clear = false;     ///< proved unoccluded
+  float judged_factor = 0;  ///< the same, where rays measure it from others than carry, for oracles
+  float variation = 0;     ///< largest difference of the point-to-shooter form factor over the receiver, less
+                           ///< what a higher basis explains of it
+  float visibility = 1;    ///< share of the light that is not blocked, sampled
+  float judged = 1;        ///< the same from other rays, for oracles: see SampledVisibility
+  Index first_source = 0;  ///< see Links::SourcesOf
+  Index source_count = 0;
+  bool clear = false;    ///< proved unoccluded
+  bool carried = false;  ///< form_factor and visibility are not what oracles judge by
 };
 
-/// All links, sorted by receiver. Receivers own their links, so threads share nothing while gathering.
+/// All links, sorted by receiver, and the sources of those from clusters. Receivers own their links, so
+/// threads share nothing while gathering.
 class Links {
  public:
   /// Replaces all; their order within a receiver is kept.
-  void Assign(const std::vector<Link>& links, std::size_t element_count, std::size_t cluster_count);
+  void Assign(const std::vector<Link>& links, std::size_t element_count, std::size_t cluster_count,
+              std::vector<Source> sources = {});
 
   std::span<const Link> all() const { return links_; }
   std::size_t size() const { return links_.size(); }
+  /// From a cluster, the patches that the link's rays met, which stand for all that its receiver sees of it;
+  /// none if they met none, or what the link carries has not been measured.
+  std::span<const Source> SourcesOf(const Link& link) const {
+    return std::span(sources_).subspan(link.first_source, link.source_count);
+  }
+  /// Of all links.
+  std::span<const Source> sources() const { return sources_; }
   /// The links into one element or cluster; none if it is younger than the last Assign().
   std::span<const Link> Into(Index receiver) const {
     const std::size_t row = Row(receiver);
@@ -47,6 +60,7 @@ class Links {
   std::size_t cluster_count_ = 0;
   std::vector<Link> links_;
   std::vector<std::size_t> begin_;
+  std::vector<Source> sources_;
 };
 
 }  // namespace radbake

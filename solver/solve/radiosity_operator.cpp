@@ -78,7 +78,7 @@ RadiosityOperator::Shooters RadiosityOperator::Distant() const {
       shooters.elements[e] = hierarchy_.PatchOf(e).emission;
     }
   }
-  shooters.clusters.assign(hierarchy_.clusters().size(), {});
+  shooters.clusters = ShootingOfClusters(std::vector<Rgb>(hierarchy_.size(), Rgb::Zero()));
   shooters.punctual = light_.punctual;
   return shooters;
 }
@@ -120,24 +120,42 @@ RadiosityOperator::Shooters RadiosityOperator::Surfaces(const LeafValues& radios
       PullCoefficients(hierarchy_, light_.basis, light_.open, e, coefficients);
     });
   }
-  shooters.clusters.resize(hierarchy_.clusters().size());
-  tbb::parallel_for(std::size_t{0}, shooters.clusters.size(), [&](std::size_t c) {
-    shooters.clusters[c] = RadiosityOf(hierarchy_, light_.openness, static_cast<Index>(c), elements);
-  });
+  shooters.clusters = ShootingOfClusters(elements);
   shooters.punctual.assign(light_.punctual.size(), Rgb::Zero());
   return shooters;
 }
 
-Rgb RadiosityOperator::Shooting(const Shooters& shooters, Index node, const Vec3& x) const {
-  if (IsElement(node)) {
-    return shooters.elements[node];
+std::vector<Rgb> RadiosityOperator::ShootingOfClusters(const std::vector<Rgb>& elements) const {
+  const Clusters& clusters = hierarchy_.clusters();
+  std::vector<Rgb> means(clusters.size(), Rgb::Zero());
+  for (auto c = static_cast<Index>(means.size()); c-- > 0;) {
+    for (const Index child : clusters.Children(c)) {
+      means[c] += hierarchy_.Area(child) / clusters[c].area *
+                  (IsCluster(child) ? means[child - kFirstCluster] : elements[child]);
+    }
   }
-  if (IsPunctual(node)) {
-    return shooters.punctual[node - kFirstPunctual];
+  const std::span<const Link> links = links_.all();
+  std::vector<Rgb> shooting(clusters.empty() ? 0 : links.size(), Rgb::Zero());
+  tbb::parallel_for(std::size_t{0}, shooting.size(), [&](std::size_t k) {
+    if (IsCluster(links[k].shooter)) {
+      const std::span<const Source> sources = links_.SourcesOf(links[k]);
+      for (const Source& source : sources) {
+        shooting[k] += static_cast<double>(source.share) * elements[source.patch];
+      }
+      if (sources.empty()) {
+        shooting[k] = means[links[k].shooter - kFirstCluster];
+      }
+    }
+  });
+  return shooting;
+}
+
+Rgb RadiosityOperator::Shooting(const Shooters& shooters, Index gathered) const {
+  if (IsElement(gathered)) {
+    return shooters.elements[gathered];
   }
-  const Index cluster = node - kFirstCluster;
-  const CosineSum basis = CosineBasis((x - hierarchy_.clusters()[cluster].centre).normalized());
-  return shooters.clusters[cluster].Towards(basis, light_.aperture[cluster]);
+  return IsPunctual(gathered) ? shooters.punctual[gathered - kFirstPunctual]
+                              : shooters.clusters[gathered - kFirstCluster];
 }
 
 std::vector<RgbCosineSum> RadiosityOperator::CollectOnClusters(const Shooters& shooters) const {
@@ -147,8 +165,7 @@ std::vector<RgbCosineSum> RadiosityOperator::CollectOnClusters(const Shooters& s
     const CosineSum& aperture = light_.aperture[c];
     for (const Link& link : links_.Into(ClusterNode(c))) {
       const bool self = link.shooter == link.receiver;
-      const Rgb shooting =
-          self ? shooters.clusters[c].mean : Shooting(shooters, link.shooter, clusters[c].centre);
+      const Rgb shooting = Shooting(shooters, GatheredFrom(links_, link));
       const Eigen::RowVector3f mean = (static_cast<double>(link.form_factor * link.visibility) * shooting)
                                           .cast<float>()
                                           .matrix()
@@ -212,12 +229,11 @@ LeafValues RadiosityOperator::Collect(const Shooters& shooters) const {
                       for (std::size_t k = range.begin(); k != range.end(); ++k) {
                         const Index leaf = rows_.leaves()[k];
                         Rgb sum = light_.open[leaf] * from_clusters[hierarchy_[leaf].patch];
-                        const Vec3 centre = hierarchy_.Centre(leaf);
                         std::array<Rgb, kMostInBasis> moments;
                         moments.fill(Rgb::Zero());
                         const float* moment = rows_.Moments(k).data();
                         for (const Gathered& entry : rows_[k]) {
-                          const Rgb shooting = Shooting(shooters, entry.shooter, centre);
+                          const Rgb shooting = Shooting(shooters, entry.shooter);
                           sum += static_cast<double>(entry.weight) * shooting;
                           for (std::size_t i = 1; i < count_; ++i) {
                             moments[i] += static_cast<double>(*moment++) * shooting;

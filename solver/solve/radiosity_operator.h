@@ -52,12 +52,16 @@ class RadiosityOperator {
   struct Shooters {
     std::vector<Rgb> elements;      // radiosity of the open part
     std::vector<Rgb> coefficients;  // K > 1: its polynomial
-    std::vector<ClusterRadiosity> clusters;
+    std::vector<Rgb> clusters;      // by link, of those from clusters
     std::vector<Rgb> punctual;
   };
   Shooters Surfaces(const LeafValues& radiosity) const;
   Shooters Distant() const;
-  Rgb Shooting(const Shooters& shooters, Index node, const Vec3& x) const;
+  /// By link, what its receiver sees of a shooting cluster: the patches that the link's rays met, which know
+  /// what is turned away and what hides what.
+  std::vector<Rgb> ShootingOfClusters(const std::vector<Rgb>& elements) const;
+  /// `gathered`: as in Gathered.
+  Rgb Shooting(const Shooters& shooters, Index gathered) const;
   /// By cluster, Σ y(d)·E⊥ over the links into it, E⊥ the irradiance of what faces direction d: a patch below
   /// receives y(n) of it.
   std::vector<RgbCosineSum> CollectOnClusters(const Shooters& shooters) const;

@@ -118,7 +118,7 @@ Rows::Seen Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Ligh
   Seen seen;
   for (const Link& link : links.Into(leaf)) {
     seen.sum += look(link, 1);
-    row[at++] = {link.shooter, link.visibility * link.form_factor};
+    row[at++] = {GatheredFrom(links, link), link.visibility * link.form_factor};
     seen.clear = seen.clear && link.clear;
   }
   for (Index e = hierarchy[leaf].parent; e != kNone; e = hierarchy[e].parent) {
@@ -126,7 +126,7 @@ Rows::Seen Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Ligh
     const double open = light.open[e] > 0 ? light.open[leaf] / light.open[e] : 1;
     for (const Link& link : links.Into(e)) {
       const double weight = open * look(link, open);
-      row[at++] = {link.shooter, static_cast<float>(weight)};
+      row[at++] = {GatheredFrom(links, link), static_cast<float>(weight)};
       seen.sum += weight;
       seen.clear = seen.clear && link.clear;
     }

@@ -11,9 +11,15 @@ namespace radbake {
 
 /// E_leaf = Σ weight · B_shooter, over the links into the leaf and into its ancestors.
 struct Gathered {
-  Index shooter = 0;
-  float weight = 0;  ///< form factor from the leaf (of a light: its kernel) · visibility
+  Index shooter = 0;  ///< see GatheredFrom
+  float weight = 0;   ///< form factor from the leaf (of a light: its kernel) · visibility
 };
+
+/// Who shoots along a link: the shooter; where that is a cluster, ClusterNode() of the link's place in
+/// Links::all(), for each receiver sees others of its patches.
+inline Index GatheredFrom(const Links& links, const Link& link) {
+  return IsCluster(link.shooter) ? ClusterNode(static_cast<Index>(&link - links.all().data())) : link.shooter;
+}
 
 /// A link into an ancestor holds the mean form factor over it, and a leaf may be far from that mean: where
 /// patches touch, by so much that rows made of means sum to anything from 0.6 to 1.5, and the sum over all

@@ -3,7 +3,10 @@
 #include <oneapi/tbb/parallel_for.h>
 
 #include <algorithm>
+#include <limits>
 #include <numbers>
+#include <optional>
+#include <utility>
 
 #include "solver/transport/form_factor.h"
 #include "solver/transport/punctual.h"
@@ -12,18 +15,19 @@
 namespace radbake {
 namespace {
 
-/// cos·cos/(π·r²) times the shooter's area. The peak where two surfaces touch is cut off, or one point in it
-/// would outweigh all others.
-double AreaKernel(const SurfacePoint& from, const SurfacePoint& to, double to_area) {
-  constexpr double kHighest = 64;
+/// cos·cos/(π·r²).
+double Kernel(const SurfacePoint& from, const SurfacePoint& to) {
   const Vec3 along = to.x - from.x;
   const double out = along.dot(from.normal);
   const double in = -along.dot(to.normal);
   const double r2 = along.squaredNorm();
-  if (out <= 0 || in <= 0 || r2 <= 0) {
-    return 0;
-  }
-  return to_area * out * in / (r2 * (std::numbers::pi * r2 + to_area / kHighest));
+  return out > 0 && in > 0 && r2 > 0 ? out * in / (std::numbers::pi * r2 * r2) : 0;
+}
+
+/// The peak where two surfaces touch is cut off, or one point in it would outweigh all others.
+double Cut(double kernel) {
+  constexpr double kHighest = 64;
+  return kernel / (1 + kernel / kHighest);
 }
 
 struct Sphere {
@@ -34,6 +38,155 @@ struct Sphere {
 Sphere SphereOf(const Hierarchy& hierarchy, Index node) {
   return {hierarchy.Centre(node), hierarchy.Radius(node)};
 }
+
+bool IsInside(const Polygon& polygon, const Vec3& x) {
+  for (int k = 0; k < polygon.count; ++k) {
+    const Vec3 along = polygon[(k + 1) % polygon.count] - polygon[k];
+    if (polygon.normal.cross(along).dot(x - polygon[k]) < 0) {
+      return false;
+    }
+  }
+  return true;
+}
+
+/// The place that a ray from a point meets, if it is on a node.
+std::optional<SurfacePoint> MeetOn(const Hierarchy& hierarchy, const Visibility& visibility, Index node,
+                                   const SurfacePoint& from, const Vec3& direction) {
+  const Overlaps& overlaps = visibility.overlaps();
+  const auto hit = visibility.caster().Closest(from.x, direction);
+  if (!hit || (!overlaps.empty() && overlaps.At(from.patch, from.x) != from.patch)) {
+    return std::nullopt;
+  }
+  const Vec3 y = from.x + hit->distance * direction;
+  const Blocker& blocker = hierarchy.patches().blockers[hit->triangle];
+  Index patch = hit->front ? blocker.front : blocker.back;
+  if (patch != kNone && !overlaps.empty()) {
+    patch = overlaps.At(patch, y);
+  }
+  if (patch == kNone ||
+      !(IsCluster(node) ? hierarchy.clusters().Holds(node - kFirstCluster, patch)
+                        : patch == hierarchy[node].patch && IsInside(hierarchy.Shape(node), y))) {
+    return std::nullopt;
+  }
+  return SurfacePoint{y, hierarchy.patches().patches[patch].normal, patch};
+}
+
+/// Is the shooter so near that the kernel times its area may exceed 1?
+bool IsNear(const Hierarchy& hierarchy, const Sphere& receiver, const Sphere& shooter, Index node) {
+  if (IsPunctual(node) || (IsElement(node) && hierarchy.IsSky(node))) {
+    return false;
+  }
+  const double gap = (receiver.centre - shooter.centre).norm() - receiver.radius - shooter.radius;
+  return gap <= 0 || hierarchy.Area(node) > std::numbers::pi * gap * gap;
+}
+
+/// Adds up what the rays of one link find.
+class NodeSampler {
+ public:
+  NodeSampler(const Hierarchy& hierarchy, const Visibility& visibility, Index receiver, Index shooter)
+      : hierarchy_(hierarchy),
+        visibility_(visibility),
+        receiver_(receiver),
+        shooter_(shooter),
+        area_(IsPunctual(shooter) ? 0 : hierarchy.Area(shooter)) {}
+
+  /// Two ways to draw a ray: by area on both ends, whose kernel has no bound where the two are near; and by
+  /// the cosine at the receiver, which hardly meets what is far. Each ray counts by the density of both
+  /// together (the balance heuristic: Veach and Guibas, SIGGRAPH 1995), so none by more than 1.
+  void Sample(bool near, std::uint64_t key, int rays, RayBatch& batch) {
+    QuasiRandom<6> random(key);
+    const int pairs = near ? rays / 2 : rays;
+    for (int k = 0; k < pairs; ++k) {
+      Between(random.Next(), near, 1.0 / pairs, batch);
+    }
+    for (int k = pairs; k < rays; ++k) {
+      From(random.Next(), 1.0 / (rays - pairs), batch);
+    }
+  }
+
+  /// Form factor, visibility and sources.
+  NodeTransport Result() && {
+    NodeTransport result;
+    result.visibility = open_ > 0 ? open_ / all_ : 1;
+    result.form_factor = (open_ + met_) / result.visibility;
+    if (!(result.form_factor > 0) && all_ > 0) {
+      result.form_factor = all_;
+      result.visibility = 0;
+    }
+    std::ranges::sort(sources_, {}, &Source::patch);
+    double sum = 0;
+    for (const Source& source : sources_) {
+      sum += static_cast<double>(source.share);
+      if (!result.sources.empty() && result.sources.back().patch == source.patch) {
+        result.sources.back().share += source.share;
+      } else {
+        result.sources.push_back(source);
+      }
+    }
+    for (Source& source : result.sources) {
+      source.share /= static_cast<float>(sum);
+    }
+    return result;
+  }
+  /// Over the rays between points: the difference of the largest kernel and the smallest.
+  double range() const { return highest_ - lowest_; }
+
+ private:
+  void Between(const std::array<double, 6>& u, bool near, double weight, RayBatch& batch) {
+    const SurfacePoint from = PointOfNode(hierarchy_, receiver_, {u[0], u[1], u[2]});
+    double kernel = 0;
+    SurfacePoint to;
+    if (IsPunctual(shooter_)) {
+      const PunctualLight& light = hierarchy_.patches().lights[shooter_ - kFirstPunctual];
+      kernel = PunctualKernel(light, from.x, from.normal);
+      to.x = ShadowRayEnd(light, from.x);
+    } else {
+      to = PointOfNode(hierarchy_, shooter_, {u[3], u[4], u[5]});
+      kernel = area_ * Kernel(from, to);
+      kernel = near ? kernel / (1 + kernel) : kernel;
+    }
+    highest_ = std::max(highest_, kernel);
+    lowest_ = std::min(lowest_, kernel);
+    if (!(kernel > 0)) {
+      return;
+    }
+    ++batch.rays;
+    all_ += weight * kernel;
+    if (!visibility_.Blocked(from.x, from.patch, to.x, to.patch)) {
+      open_ += weight * kernel;
+      Note(to.patch, weight * kernel);
+    }
+  }
+
+  void From(const std::array<double, 6>& u, double weight, RayBatch& batch) {
+    const SurfacePoint from = PointOfNode(hierarchy_, receiver_, {u[0], u[1], u[2]});
+    ++batch.rays;
+    const Vec3 direction = CosineDirection(from.normal, u[3], u[4]);
+    if (const auto to = MeetOn(hierarchy_, visibility_, shooter_, from, direction)) {
+      const double kernel = area_ * Kernel(from, *to);
+      met_ += weight * kernel / (1 + kernel);
+      Note(to->patch, weight * kernel / (1 + kernel));
+    }
+  }
+
+  void Note(Index patch, double share) {
+    if (IsCluster(shooter_) && static_cast<float>(share) > 0) {
+      sources_.push_back({patch, static_cast<float>(share)});
+    }
+  }
+
+  const Hierarchy& hierarchy_;
+  const Visibility& visibility_;
+  Index receiver_;
+  Index shooter_;
+  double area_;
+  double all_ = 0;   // what the rays between points would bring
+  double open_ = 0;  // what they bring
+  double met_ = 0;   // what those from the receiver bring
+  double highest_ = 0;
+  double lowest_ = std::numeric_limits<double>::infinity();
+  std::vector<Source> sources_;
+};
 
 /// Does the sphere of a cluster lie behind an element's plane?
 bool IsBehind(const Hierarchy& hierarchy, Index element, const Sphere& sphere) {
@@ -76,42 +229,13 @@ NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibil
   }
   const PunctualLight* light =
       IsPunctual(shooter) ? &hierarchy.patches().lights[shooter - kFirstPunctual] : nullptr;
-  const double area = light != nullptr ? 0 : hierarchy.Area(shooter);
-  QuasiRandom<6> random(key);
-  std::array<double, 2> all{};
-  std::array<double, 2> open{};
-  double highest = 0;
-  double lowest = std::numeric_limits<double>::infinity();
+  const Sphere from = SphereOf(hierarchy, receiver);
+  const Sphere to = light != nullptr ? Sphere{light->position, 0} : SphereOf(hierarchy, shooter);
+  NodeSampler sampler(hierarchy, visibility, receiver, shooter);
   RayBatch batch(visibility);
-  for (int k = 0; k < rays; ++k) {
-    const auto u = random.Next();
-    const SurfacePoint from = PointOfNode(hierarchy, receiver, {u[0], u[1], u[2]});
-    double kernel = 0;
-    Vec3 end;
-    Index end_patch = kNone;
-    if (light != nullptr) {
-      kernel = PunctualKernel(*light, from.x, from.normal);
-      end = ShadowRayEnd(*light, from.x);
-    } else {
-      const SurfacePoint to = PointOfNode(hierarchy, shooter, {u[3], u[4], u[5]});
-      kernel = AreaKernel(from, to, area);
-      end = to.x;
-      end_patch = to.patch;
-    }
-    highest = std::max(highest, kernel);
-    lowest = std::min(lowest, kernel);
-    const std::size_t half = static_cast<std::size_t>(k) % 2;
-    if (kernel > 0) {
-      ++batch.rays;
-      all[half] += kernel;
-      open[half] += visibility.Blocked(from.x, from.patch, end, end_patch) ? 0 : kernel;
-    }
-  }
-  const double sum = all[0] + all[1];
-  result.form_factor = light != nullptr ? sum / rays : std::min(1.0, sum / rays);
-  // The halves differ in their kernels too: what is carried is a ratio of means of one half.
-  result.visibility.judged = all[0] > 0 ? open[0] / all[0] : 1;
-  result.visibility.carried = all[1] > 0 ? open[1] / all[1] : result.visibility.judged;
+  sampler.Sample(IsNear(hierarchy, from, to, shooter), key, rays, batch);
+  const double range = sampler.range();
+  result = std::move(sampler).Result();
   if (light != nullptr && IsElement(receiver)) {
     // Points cost nothing beside rays.
     constexpr int kPoints = 512;
@@ -123,7 +247,7 @@ NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibil
       integral += PunctualKernel(*light, PointOn(shape, u[0], u[1]), shape.normal);
     }
     result.form_factor = integral / kPoints;
-    result.variation = highest - lowest;
+    result.variation = range;
     return result;
   }
   if (light != nullptr && light->kind == PunctualLight::Kind::kDirectional) {
@@ -131,11 +255,10 @@ NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibil
     return result;
   }
   // What all rays missed may be as much as one of them would have found.
-  const Sphere to = light != nullptr ? Sphere{light->position, 0} : SphereOf(hierarchy, shooter);
-  const Sphere from = SphereOf(hierarchy, receiver);
   const double distance2 = std::max((from.centre - to.centre).squaredNorm(), from.radius * from.radius);
-  const double facing =
-      light != nullptr ? 1 / distance2 : std::min(1.0, area / (std::numbers::pi * distance2));
+  const double facing = light != nullptr
+                            ? 1 / distance2
+                            : std::min(1.0, hierarchy.Area(shooter) / (std::numbers::pi * distance2));
   const double found = std::max(result.form_factor, facing / rays);
   const double spread = receiver == shooter ? 1 / found : Spread(from, to, IsCluster(receiver));
   result.variation = found * spread;
@@ -242,7 +365,7 @@ Rgb FromNodeAt(const Hierarchy& hierarchy, const Light& light, const Visibility&
   Rgb sum = Rgb::Zero();
   for (int k = 0; k < rays; ++k) {
     const SurfacePoint to = PointOfNode(hierarchy, shooter, random.Next());
-    const double kernel = AreaKernel({x, n, kNone}, to, area);
+    const double kernel = Cut(area * Kernel({x, n, kNone}, to));
     if (kernel > 0) {
       ++batch.rays;
       if (!visibility.Blocked(x, kNone, to.x, to.patch)) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "solver/hierarchy/hierarchy.h"
 #include "solver/hierarchy/light.h"
@@ -20,19 +21,23 @@ struct SurfacePoint {
 /// A point of an element's or a cluster's surfaces, uniform by area for a point of the unit cube.
 SurfacePoint PointOfNode(const Hierarchy& hierarchy, Index node, std::array<double, 3> u);
 
-/// One link as rays see it. The means are over pairs of points drawn by area.
+/// One link as rays see it.
 struct NodeTransport {
-  double form_factor =
-      0;  ///< mean of the kernel over the receiver, unoccluded; of a light, per unit intensity
+  /// Mean of the kernel over the receiver, unoccluded; of a light, per unit intensity. Times `visibility` its
+  /// expectation is what is transported, whatever is in between and however near the two are; alone it is an
+  /// estimate that is too low where they touch or hold one another.
+  double form_factor = 0;
   double variation =
       0;  ///< bound of how much that varies over the receiver, beyond what orientation explains
-  SampledVisibility visibility;
+  double visibility = 0;
+  std::vector<Source> sources;  ///< of a shooting cluster, what rays met
 };
 
 /// Between a receiver (an element or a cluster) and a shooter (any node), at least one of them no element.
 /// A cluster and itself: what its patches exchange. form_factor and variation are 0 if it is proved that the
 /// two do not face one another; where rays found nothing and nothing is proved, the variation says what they
-/// may have missed.
+/// may have missed. Other rays for another `key`: what oracles judge a link by should not be what it carries,
+/// or those would stay that carry too little.
 NodeTransport BetweenNodes(const Hierarchy& hierarchy, const Visibility& visibility, Index receiver,
                            Index shooter, std::uint64_t key, int rays);
 

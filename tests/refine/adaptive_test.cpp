@@ -37,7 +37,7 @@ Link LampToFloor() {
   Link link;
   link.receiver = 0;
   link.shooter = 1;
-  link.form_factor = 0.2F;
+  link.form_factor = link.judged_factor = 0.2F;
   link.variation = 0.1F;
   link.clear = true;
   return link;
@@ -83,7 +83,7 @@ TEST(AdaptiveOracle, KeepsALinkFromADarkShooterWhateverItsGeometry) {
   Link link;  // the floor lights the lamp not at all
   link.receiver = 1;
   link.shooter = 0;
-  link.form_factor = 1;
+  link.form_factor = link.judged_factor = 1;
   link.variation = 1;
   link.judged = 0.5F;
   EXPECT_EQ(AdaptiveOracle(scene.Emitted(hierarchy, 0), 0, 1e-12).Judge(hierarchy, link), Decision::kKeep);

@@ -65,8 +65,7 @@ TEST(NodeTransport, BetweenClustersIsTheSumOverTheirPatches) {
   EXPECT_NEAR(found.form_factor * scene.hierarchy.Area(left) / exchange, 1, 0.02);
   EXPECT_GT(found.variation, 0);
   // Convex bodies: what faces is in sight.
-  EXPECT_NEAR(found.visibility.carried, 1, 1e-6);
-  EXPECT_NEAR(found.visibility.judged, 1, 1e-6);
+  EXPECT_NEAR(found.visibility, 1, 1e-6);
   const NodeTransport itself = BetweenNodes(scene.hierarchy, scene.visibility, left, left, 1, kRays);
   EXPECT_NEAR(itself.form_factor, 0, 1e-6);
 }
