@@ -40,7 +40,7 @@ inline Read ReadAt(const Solved& solved, const GatherOptions& options) {
       const bool sealed = gatherer.IsSealed(x, leaf);
       read.solution.push_back(sealed ? Rgb(Rgb::Zero()) : gatherer.Solved(leaf, x));
       read.gathered.push_back(sealed ? Rgb(Rgb::Zero())
-                                     : gatherer.Irradiance(x, leaf, Hash(read.gathered.size())));
+                                     : gatherer.Irradiance(x, leaf, Hash(read.gathered.size())).irradiance);
     }
   }
   return read;
