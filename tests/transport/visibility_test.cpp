@@ -201,7 +201,7 @@ TEST(Visibility, FromAPointOfWhatIsHardlySeenIsRightOnAverage) {
     QuasiRandom<2> few(Hash(static_cast<std::uint64_t>(k)));
     sum += visibility.FromPoint(behind, up, wall, few, 8);
   }
-  // The ratio of two sums of eight is a little off; to stop after two rays that agree would lose a fifth.
+  // The ratio of two sums of eight is a little off.
   EXPECT_NEAR(sum / kLooks, known, 0.05 * std::min(known, 1 - known));
   EXPECT_EQ(visibility.Counted().rays, (1U << 18U) + 8U * kLooks);
   EXPECT_EQ(visibility.FromPoint(behind, -up, wall, random, 64), 0) << "the wall is behind";
