@@ -127,10 +127,8 @@ void IgnoreFeatures(const Json& root, const Layout& layout, Scene& scene) {
 }
 
 std::string NameOf(const Json& root, const char* list, std::size_t index) {
-  const std::string_view plural = list;
-  const std::string kind(plural.ends_with("meshes") ? "mesh" : plural.substr(0, plural.size() - 1));
   const Json* name = Find(root.at(list)[index], "name");
-  return kind + ' ' +
+  return std::string(Singular(list)) + ' ' +
          (name != nullptr && name->is_string() ? Quoted(name->get_ref<const std::string&>())
                                                : std::to_string(index));
 }

@@ -24,6 +24,7 @@ File::File(const Source& source, const Limits& limits) {
   const Chunks chunks = Split(source.bytes);
   root = ParseJson(chunks.json, limits.json_depth);
   CheckVersion(root);
+  CheckExtensions(root);
   CheckRequiredExtensions(root);
   buffers = ResolveBuffers(root, chunks.binary, source, decoded);
   layout = CheckLayout(root, buffers, limits);

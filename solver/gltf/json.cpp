@@ -20,6 +20,10 @@ std::string ToString(const Place& place) {
   return text;
 }
 
+std::string_view Singular(std::string_view list) {
+  return list.ends_with("meshes") ? "mesh" : list.substr(0, list.size() - (list.ends_with('s') ? 1 : 0));
+}
+
 void Fail(const Place& place, std::string_view message) {
   throw InputError(ToString(place) + ": " + std::string(message));
 }
@@ -227,6 +231,36 @@ std::string Text(const Json& object, const char* key, std::string_view otherwise
     Fail(place, std::string(key) + " is not a text");
   }
   return member == nullptr ? std::string(otherwise) : member->get<std::string>();
+}
+
+namespace {
+
+void CheckExtensions(const Json& value, const Place& place) {
+  if (value.is_object()) {
+    FindObject(value, "extensions", place);
+  }
+  for (const auto& [key, member] : value.items()) {
+    if (member.is_structured() && key != "extensions" && key != "extras") {
+      CheckExtensions(member, place);
+    }
+  }
+}
+
+}  // namespace
+
+void CheckExtensions(const Json& root) {
+  FindObject(root, "extensions", {"glTF"});
+  for (const auto& [list, elements] : root.items()) {
+    if (list == "extensions" || list == "extras") {
+      continue;
+    }
+    for (std::size_t i = 0; elements.is_array() && i < elements.size(); ++i) {
+      CheckExtensions(elements[i], {Singular(list), i});
+    }
+    if (elements.is_object()) {
+      CheckExtensions(elements, {list});
+    }
+  }
 }
 
 const Json* FindExtension(const Json& object, const char* name, const Place& place) {

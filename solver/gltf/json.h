@@ -24,6 +24,9 @@ struct Place {
 };
 std::string ToString(const Place& place);
 
+/// What an element of a list of a glTF is called: "mesh" of "meshes".
+std::string_view Singular(std::string_view list);
+
 /// Throws InputError "place: message".
 [[noreturn]] void Fail(const Place& place, std::string_view message);
 
@@ -79,6 +82,10 @@ std::optional<std::array<double, N>> FindNumbers(const Json& object, const char*
   }
   return numbers;
 }
+
+/// Throws InputError where `extensions` of the document, of one of its elements or of a part of one is not an
+/// object. What lies within extensions and extras is theirs.
+void CheckExtensions(const Json& root);
 
 /// The named extension of an object, or nullptr.
 const Json* FindExtension(const Json& object, const char* name, const Place& place);

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <functional>
 #include <limits>
 
@@ -333,6 +334,23 @@ TEST(Hostile, RequiredExtensionsThatChangeTheSceneAreRefusedByName) {
   }
   Builder builder = OneTriangle();
   builder.root["extensionsRequired"] = {"KHR_texture_transform", "KHR_materials_emissive_strength"};
+  EXPECT_EQ(Open(builder).scene().surfaces.size(), 1U);
+}
+
+TEST(Hostile, ExtensionsThatAreNoObjectAreRefusedWhereverTheyStand) {
+  ExpectRefused([](Builder& b) { b.root["extensions"] = 1; }, "glTF: extensions is not an object");
+  ExpectRefused([](Builder& b) { b.root["asset"]["extensions"] = "a"; }, "asset: extensions is not");
+  for (const char* list : {"bufferViews", "accessors", "nodes", "scenes"}) {
+    const std::string kind(list, std::strlen(list) - 1);
+    ExpectRefused([=](Builder& b) { b.root[list][0]["extensions"] = {1, 2}; },
+                  kind + " 0: extensions is not");
+  }
+  ExpectRefused([](Builder& b) { Primitive(b)["extensions"] = nullptr; }, "mesh 0: extensions is not");
+  ExpectRefused([](Builder& b) { b.Add("materials", {{"normalTexture", {{"extensions", 2}}}}); },
+                "material 0: extensions is not");
+  Builder builder = OneTriangle();
+  builder.root["nodes"][0]["extensions"]["ACME_new"]["extensions"] = 1;
+  builder.root["nodes"][0]["extras"]["extensions"] = 1;
   EXPECT_EQ(Open(builder).scene().surfaces.size(), 1U);
 }
 
