@@ -86,7 +86,7 @@ class Gltf:
             "accessors": [],
             "bufferViews": [],
         }
-        self.bytes = b""
+        self.bytes = bytearray()
 
     def material(self, name, reflectance, radiance=(0, 0, 0), double_sided=False):
         """reflectance: linear RGB; radiance: L_e in cd/m²."""
@@ -123,12 +123,12 @@ class Gltf:
         self.json["scenes"][0]["nodes"].append(len(self.json["nodes"]))
         self.json["nodes"].append(properties)
 
-    def mesh(self, name, parts, normal=None):
+    def mesh(self, name, parts, normal=None, **place):
         """A node with a mesh; parts: [(material, faces)]. Without `normal` (a function of the position) faces are
         flat, and those of one material share the vertices where they meet."""
         primitives = [self.primitive(material, faces, normal) for material, faces in parts]
         self.json["meshes"].append({"name": name, "primitives": primitives})
-        self.node(name=name, mesh=len(self.json["meshes"]) - 1)
+        self.node(name=name, mesh=len(self.json["meshes"]) - 1, **place)
 
     def primitive(self, material, faces, normal):
         vertices = {}
@@ -139,8 +139,9 @@ class Gltf:
         attributes = {"POSITION": self.vectors(list(vertices), bounds=True)}
         if normal:
             attributes["NORMAL"] = self.vectors([to_float32(normal(vertex)) for vertex in vertices])
-        view = self.view(struct.pack(f"<{len(indices)}H", *indices), 34963)
-        accessor = self.accessor({"bufferView": view, "componentType": 5123, "count": len(indices), "type": "SCALAR"})
+        letter, kind = ("H", 5123) if len(vertices) < 65536 else ("I", 5125)
+        view = self.view(struct.pack(f"<{len(indices)}{letter}", *indices), 34963)
+        accessor = self.accessor({"bufferView": view, "componentType": kind, "count": len(indices), "type": "SCALAR"})
         return {"attributes": attributes, "indices": accessor, "material": material}
 
     def vectors(self, vectors, bounds=False):

@@ -308,6 +308,33 @@ TEST(Scenes, TheRoomWithAWindowIsClosedButForIt) {
   EXPECT_NEAR(pi * 1000 * 0.06470431, 203.2746, 1e-4);
 }
 
+TEST(Scenes, AFurnishedRoomIsMadeOnDemand) {
+  std::string folder = (fs::temp_directory_path() / "radbake-room-XXXXXX").string();
+  ASSERT_NE(mkdtemp(folder.data()), nullptr);
+  const std::string file = folder + "/room.glb";
+  const std::string command =
+      "python3 -B '" RADBAKE_SOURCE_DIR "/scenes/make_room.py' 10000 '" + file + "' > '" + folder + "/said'";
+  const int status = std::system(command.c_str());  // NOLINT(concurrency-mt-unsafe)
+  const std::string said = Read(folder + "/said");
+  ASSERT_EQ(status, 0);
+  const Scene scene = gltf::Document(gltf::ReadSource(file)).scene();
+  fs::remove_all(folder);
+  EXPECT_EQ(said, "9980 triangles in 190 objects\n");
+  std::size_t triangles = 0;
+  for (const Surface& surface : scene.surfaces) {
+    triangles += surface.triangles.size();
+  }
+  EXPECT_EQ(triangles, 9980U);
+  // All of it is closed, the shell with its fronts inward; the furniture takes a little of the room.
+  const Integrals integrals = Integrate(scene);
+  EXPECT_LT(integrals.area.norm(), 1e-4);
+  EXPECT_NEAR(integrals.volume, -8 * 2.8 * 6, 4);
+  const Rgb emitted = Emitted(scene);
+  EXPECT_NEAR(emitted[0], 31667.25, 0.1);
+  EXPECT_NEAR(emitted[1], 31365.66, 0.1);
+  EXPECT_NEAR(emitted[2], 30159.29, 0.1);
+}
+
 TEST(Scenes, TheCornellBoxHasItsLightAndItsRedWallOnTheLeft) {
   const Scene scene = Load("cornell-box");
   const Rgb emitted = Emitted(scene);
