@@ -138,6 +138,7 @@ MeshOptions MeshOptionsOf(const Parameters& parameters) {
 GatherOptions GatherOptionsOf(const Parameters& parameters) {
   GatherOptions options;
   options.rays = std::clamp(static_cast<int>(std::lround(2 / parameters.error)), 16, 4096);
+  options.uneven = parameters.error;
   options.negligible = 0.08 * parameters.error;
   return options;
 }

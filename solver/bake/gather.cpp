@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <limits>
 
 #include "solver/transport/coupling.h"
@@ -82,20 +80,17 @@ bool Gatherer::IsSealed(const Vec3& x, Index leaf) const {
 }
 
 Estimate Gatherer::Along(const Link& link, Look& look) const {
-  const Vec3& x = look.x;
-  const Vec3& n = look.n;
-  const bool self = link.receiver == link.shooter;
-  const Rgb shooting =
-      self ? light_.cluster_radiosity[link.shooter - kFirstCluster].mean : Shooting(link.shooter, x, n);
-  const double brightness = Luminance(shooting) / look.scale;
   // A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters.
   // Hundreds of links that hardly matter may err the same way, as in a cavity of a cluster: a few of them
   // cast a ray for all (Russian roulette).
+  const bool self = link.receiver == link.shooter;
+  const Rgb shooting = self ? light_.cluster_radiosity[link.shooter - kFirstCluster].mean
+                            : Shooting(link.shooter, look.x, look.n);
   double chance = 1;
-  const double uncertainty = Uncertainty(link);
   if (!link.clear) {
     const double form_factor = std::max(link.form_factor, link.judged_factor);
-    chance = std::min(1.0, brightness * look.effort * form_factor * uncertainty / options_.negligible);
+    chance = std::min(1.0, Luminance(shooting) / look.scale * look.effort * form_factor * Uncertainty(link) /
+                               options_.negligible);
     look.key = Hash(look.key);
     if (static_cast<double>(look.key >> 11U) * 0x1p-53 >= chance) {
       chance = 0;
@@ -104,9 +99,39 @@ Estimate Gatherer::Along(const Link& link, Look& look) const {
   if (chance == 0 && link.visibility == 0) {
     return {};
   }
-  const double unoccluded =
-      self ? static_cast<double>(link.form_factor) : UnoccludedAt(hierarchy_, x, n, link.shooter, kTolerance);
-  const Rgb open = unoccluded * shooting;
+  if (self) {
+    return Seen(link, link.shooter, link.form_factor * shooting, chance, look);
+  }
+  return From(link, link.shooter, shooting, chance, look);
+}
+
+Estimate Gatherer::From(const Link& link, Index shooter, const Rgb& shooting, double chance,
+                        Look& look) const {
+  const double unoccluded = UnoccludedAt(hierarchy_, look.x, look.n, shooter, kTolerance);
+  if (!IsElement(shooter) || chance < 1) {
+    return Seen(link, shooter, unoccluded * shooting, chance, look);
+  }
+  // What is near is seen in parts.
+  if (!IsSolverLeaf(shooter) && unoccluded * light_.variation[shooter] > options_.uneven * look.scale) {
+    Estimate sum;
+    const Index first = hierarchy_[shooter].first_child;
+    for (Index child = first; child < first + 4; ++child) {
+      const Estimate part = From(link, child, Shooting(child, look.x, look.n), chance, look);
+      sum.irradiance += part.irradiance;
+      sum.variance += part.variance;
+    }
+    return sum;
+  }
+  if (!IsUneven(shooter, unoccluded, look)) {
+    return Seen(link, shooter, unoccluded * shooting, chance, look);
+  }
+  const Estimate near = ShootingNear(shooter, shooting, look);
+  Estimate seen = Seen(link, shooter, unoccluded * near.irradiance, chance, look);
+  seen.variance += unoccluded * unoccluded * near.variance;
+  return seen;
+}
+
+Estimate Gatherer::Seen(const Link& link, Index shooter, const Rgb& open, double chance, Look& look) const {
   if (link.clear) {
     return {open};
   }
@@ -114,19 +139,20 @@ Estimate Gatherer::Along(const Link& link, Look& look) const {
   if (chance == 0) {
     return {expected};
   }
-  const double share = look.effort * uncertainty * std::min(1.0, Luminance(open) / look.scale);
+  const double share = look.effort * Uncertainty(link) * std::min(1.0, Luminance(open) / look.scale);
   const int rays = chance < 1 ? 1 : std::max(1, static_cast<int>(std::lround(share * options_.rays)));
   double variance = 0;
   Rgb seen;
-  if (IsElement(link.shooter)) {
-    const double visible = visibility_.FromPoint(x, n, hierarchy_.Shape(link.shooter), look.on_polygon, rays);
+  if (IsElement(shooter)) {
+    const double visible =
+        visibility_.FromPoint(look.x, look.n, hierarchy_.Shape(shooter), look.on_polygon, rays);
     seen = visible * open;
     variance = visible * (1 - visible) * open.square().sum() / rays;
   } else {
-    seen = FromNodeAt(hierarchy_, light_, visibility_, x, n, link.shooter, look.on_cluster, rays);
+    seen = FromNodeAt(hierarchy_, light_, visibility_, look.x, look.n, shooter, look.on_cluster, rays);
   }
   const Rgb surprise = (seen - expected) / chance;
-  if (chance < 1 || IsCluster(link.shooter)) {
+  if (chance < 1 || IsCluster(shooter)) {
     variance = surprise.square().sum() / rays;
   }
   return {expected + surprise, variance};
@@ -152,6 +178,68 @@ Rgb Gatherer::Shooting(Index shooter, const Vec3& x, const Vec3& n) const {
   return Evaluate(polynomial, SeenFrom(x, n, end)).max(0.0);
 }
 
+bool Gatherer::IsUneven(Index shooter, double form_factor, const Look& look) const {
+  constexpr double kMuch = 0.2;
+  if (look.at_shooter || form_factor < kMuch) {
+    return false;
+  }
+  if (light_.open[shooter] < 1) {
+    return true;
+  }
+  if (light_.IsShaped(shooter)) {
+    return false;
+  }
+  // A leaf with a constant does not know how uneven it is; where it lies, its parent knows.
+  const Index parent = hierarchy_[shooter].parent;
+  double deviation = light_.variation[shooter];
+  if (parent != kNone) {
+    deviation = light_.variation[parent] +
+                std::abs(Luminance(light_.Shooting(shooter)) - Luminance(light_.Shooting(parent)));
+  }
+  return form_factor * deviation > options_.uneven * look.scale;
+}
+
+Estimate Gatherer::ShootingNear(Index shooter, const Rgb& otherwise, Look& look) const {
+  // Directions that meet the shooter find its points by form factor, however near it is.
+  constexpr int kDirections = 64;
+  constexpr int kEnough = 2;
+  constexpr double kEffort = 0.25;
+  const Polygon shape = hierarchy_.Shape(shooter);
+  look.key = Hash(look.key);
+  QuasiRandom<2> random(look.key);
+  Rgb sum = Rgb::Zero();
+  Rgb squares = Rgb::Zero();
+  int found = 0;
+  for (int k = 0; k < kDirections && found < kEnough; ++k) {
+    const auto u = random.Next();
+    const Vec3 direction = CosineDirection(look.n, u[0], u[1]);
+    const double towards = direction.dot(shape.normal);
+    if (towards >= 0) {
+      continue;
+    }
+    const Vec3 y = look.x + (shape[0] - look.x).dot(shape.normal) / towards * direction;
+    if (DepthInside(shape, y) <= 0) {
+      continue;
+    }
+    const Index leaf = SolverLeaf(shooter, y);
+    if (IsSealed(y, leaf)) {
+      continue;
+    }
+    ++found;
+    look.key = Hash(look.key);
+    const Patch& patch = hierarchy_.PatchOf(leaf);
+    const Look at_y = LookFrom(y, leaf, look.key, kEffort * look.effort, true);
+    const Rgb radiosity = patch.emission + patch.reflectance * Irradiance(leaf, at_y).irradiance;
+    sum += radiosity;
+    squares += radiosity.square();
+  }
+  if (found == 0) {
+    return {otherwise};
+  }
+  const Rgb mean = sum / found;
+  return {mean, found > 1 ? (squares / found - mean.square()).max(0.0).sum() / (found - 1) : 0};
+}
+
 Rgb Gatherer::Solved(Index leaf, const Vec3& x) const {
   const double open = light_.open[leaf];
   if (!(open > 0)) {
@@ -163,15 +251,24 @@ Rgb Gatherer::Solved(Index leaf, const Vec3& x) const {
   return light_.irradiance[leaf] / open;
 }
 
-Estimate Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key, double effort) const {
+Gatherer::Look Gatherer::LookFrom(const Vec3& x, Index leaf, std::uint64_t key, double effort,
+                                  bool at_shooter) const {
   // A dark corner gets as many rays as its own light deserves, within reason.
-  Look look{x,
-            hierarchy_.PatchOf(leaf).normal,
-            std::max(Luminance(light_.irradiance[leaf]), 0.1 * typical_),
-            effort,
-            QuasiRandom<2>(key),
-            QuasiRandom<3>(key),
-            key};
+  return {x,
+          hierarchy_.PatchOf(leaf).normal,
+          std::max(Luminance(light_.irradiance[leaf]), 0.1 * typical_),
+          effort,
+          at_shooter,
+          QuasiRandom<2>(key),
+          QuasiRandom<3>(key),
+          key};
+}
+
+Estimate Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key, double effort) const {
+  return Irradiance(leaf, LookFrom(x, leaf, key, effort, false));
+}
+
+Estimate Gatherer::Irradiance(Index leaf, Look look) const {
   Estimate sum;
   const auto add = [&](Index receiver) {
     for (const Link& link : links_.Into(receiver)) {

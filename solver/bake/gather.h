@@ -9,6 +9,7 @@ namespace radbake {
 
 struct GatherOptions {
   int rays = 64;             ///< to a shooter that gives all of a point's light; others in proportion
+  double uneven = 2e-2;      ///< share of a point's light that may lie elsewhere on a shooter
   double negligible = 4e-4;  ///< share of a point's light that may be wrong without being looked at
 };
 
@@ -64,16 +65,32 @@ class Gatherer {
     const Vec3& n;
     double scale;  // luminous irradiance that is worth all of GatherOptions::rays
     double effort;
+    bool at_shooter;  // of another look
     QuasiRandom<2> on_polygon;
     QuasiRandom<3> on_cluster;
     std::uint64_t key;
   };
 
+  Look LookFrom(const Vec3& x, Index leaf, std::uint64_t key, double effort, bool at_shooter) const;
+  Estimate Irradiance(Index leaf, Look look) const;
+
   /// What one link brings.
   Estimate Along(const Link& link, Look& look) const;
 
+  /// What its shooter or a part of that brings, `shooting` on the whole: in parts where it is uneven.
+  Estimate From(const Link& link, Index shooter, const Rgb& shooting, double chance, Look& look) const;
+
+  /// What of `open` is not blocked.
+  Estimate Seen(const Link& link, Index shooter, const Rgb& open, double chance, Look& look) const;
+
   /// What `x` sees of a shooter on the whole.
   Rgb Shooting(Index shooter, const Vec3& x, const Vec3& n) const;
+
+  /// Does the point see so much of a leaf that its mean will not do, as before a shadow or a body's foot?
+  bool IsUneven(Index shooter, double form_factor, const Look& look) const;
+
+  /// Then: the radiosity of what it sees, gathered there at a few points by form factor, and its variance.
+  Estimate ShootingNear(Index shooter, const Rgb& otherwise, Look& look) const;
 
   const Hierarchy& hierarchy_;
   const Light& light_;

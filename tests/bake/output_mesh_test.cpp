@@ -112,7 +112,9 @@ TEST(OutputMesh, IsContinuousOverAFlatSurfaceAndNotAcrossACrease) {
   testing::AddQuad(scene, 0, floor[0], floor[1], high, low);
   testing::AddQuad(scene, 0, low, high, floor[2], floor[3]);
   SolvedScene solved(scene, Quick());
-  const BakedScene baked = solved.Output(Fine());
+  MeshOptions options = Fine();
+  options.error = 0.02;
+  const BakedScene baked = solved.Output(options);
   std::map<Place, std::vector<std::pair<std::size_t, Eigen::Array3f>>> at;
   for (std::size_t s = 0; s < scene.surfaces.size(); ++s) {
     for (const BakedVertex& vertex : baked.surfaces[s].front.vertices) {
@@ -270,6 +272,37 @@ TEST(OutputMesh, CastsRaysUntilTheirNoiseIsAsLowAsAsked) {
     EXPECT_LT(mesh.noise(), 1.5 * kNoise[k]);
   }
   EXPECT_GT(rays[1], 4 * rays[0]);
+}
+
+TEST(OutputMesh, ShowsAtTheFootOfAWallTheFloorThatIsThereAndNotItsElementsMean) {
+  // The sun straight down on a floor, half of which lies in the shadow of a black board. A black wall gets
+  // its light from the floor: at its foot half of what leaves the place below.
+  constexpr double kEdge = 0.83;
+  Scene scene;
+  const Index grey = testing::AddMaterial(scene, 0.5, 0);
+  const Index black = testing::AddMaterial(scene, 0, 0);
+  testing::AddQuad(scene, grey, Vec3(0, 0, 0), Vec3(0, 0, 2), Vec3(2, 0, 2), Vec3(2, 0, 0));
+  testing::AddQuad(scene, black, Vec3(0, 0, 0), Vec3(0, 1, 0), Vec3(0, 1, 2), Vec3(0, 0, 2));
+  testing::AddQuad(scene, black, Vec3(-1, 1.5, -1), Vec3(-1, 1.5, kEdge), Vec3(2, 1.5, kEdge),
+                   Vec3(2, 1.5, -1));
+  PunctualLight sun;
+  sun.kind = PunctualLight::Kind::kDirectional;
+  sun.direction = -Vec3::UnitY();
+  sun.intensity = Rgb::Constant(1);
+  scene.lights.push_back(sun);
+  SolveOptions coarse = Quick();
+  coarse.w_min = 1e-2;
+  SolvedScene solved(scene, coarse);
+  const BakedMesh wall = solved.Output(Fine()).surfaces[1].front;
+  int at_foot = 0;
+  for (const BakedVertex& vertex : wall.vertices) {
+    const auto [x, y, z] = PlaceOf(scene.surfaces[1], vertex);
+    if (y == 0 && z > 0 && z < 2) {
+      ++at_foot;
+      EXPECT_NEAR(vertex.irradiance.maxCoeff(), z > kEdge ? 0.25 : 0, 0.02) << "at " << z;
+    }
+  }
+  EXPECT_GT(at_foot, 5);
 }
 
 TEST(OutputMesh, LightsBothSidesOfADoubleSidedSurfaceEachForItself) {
