@@ -158,7 +158,12 @@ void Linker::MeasureNodes(Link& link) const {
   link.clear = IsElement(link.receiver) && IsPunctual(link.shooter) &&
                (link.clear || ClearToLight(visibility_, hierarchy_.Shape(link.receiver),
                                            hierarchy_.patches().lights[link.shooter - kFirstPunctual]));
-  link.visibility = link.judged = link.clear ? 1 : static_cast<float>(sampled.visibility);
+  link.visibility = link.clear ? 1 : static_cast<float>(sampled.visibility);
+  // To and from clusters all rays may have missed what one of them would have found. Links between wide ones
+  // that nothing was found on would be kept, and carry far too much by chance.
+  link.judged =
+      std::max(link.visibility,
+               IsPunctual(link.shooter) && IsElement(link.receiver) ? 0 : 2 / static_cast<float>(rays_));
   link.carried = link.clear;
 }
 

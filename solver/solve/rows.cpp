@@ -106,6 +106,11 @@ Rows::Seen Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Ligh
   std::size_t at = 0;
   // At the points, times `open`: the mean, and the moments into their place.
   const auto look = [&](const Link& link, double open) {
+    if (IsCluster(link.shooter)) {
+      // From one point nothing better is known than what rays say from all: all of a cluster in its middle
+      // would keep no energy.
+      return static_cast<double>(link.visibility * link.form_factor);
+    }
     const BasisValues sums = MomentsOver(receiver, [&](const Vec3& x) {
       return UnoccludedAt(hierarchy, x, receiver.shape.normal, link.shooter, tolerance);
     });
