@@ -97,7 +97,7 @@ constexpr std::array kByMethod{ByMethod{Refinement::kMatrix, 0.05}, ByMethod{Ref
                                ByMethod{Refinement::kHierarchical, 0.02},
                                ByMethod{Refinement::kAdaptive, 1e-4}};
 
-SolveOptions OptionsOf(const Parameters& parameters) {
+SolveOptions OptionsOf(const Parameters& parameters, bool by_rays) {
   SolveOptions options;
   const ByMethod& by_method = kByMethod[static_cast<std::size_t>(parameters.method)];
   options.refinement = by_method.refinement;
@@ -108,7 +108,8 @@ SolveOptions OptionsOf(const Parameters& parameters) {
   options.f_max = parameters.oracle.f_max.value_or(std::clamp(parameters.error, 1e-3, 0.5));
   // The solution's error falls slower than W_min; constants leave more of it, and lose energy at slits.
   const double finer = std::min(1.0, std::sqrt(parameters.error / 0.02));
-  const double w_min_per_error = parameters.basis == BasisOrder::kConstant ? 0.01 : 0.02;
+  // Where the gather asks rays instead of links, their own error is seen after one more reflection alone.
+  const double w_min_per_error = by_rays ? 0.03 : parameters.basis == BasisOrder::kConstant ? 0.01 : 0.02;
   options.w_min =
       parameters.oracle.w_min.value_or(std::clamp(w_min_per_error * finer * parameters.error, 1e-8, 1e-2));
   options.tolerance = 0.02 * parameters.error;
@@ -122,24 +123,36 @@ bool WantsClusters(const Parameters& parameters, std::size_t patches) {
          (parameters.clustering == Clustering::kAuto && patches > kMany);
 }
 
+/// Whether the final gather casts its rays around points instead of along links.
+bool WantsRaysAround(const Parameters& parameters, std::size_t patches) {
+  // Where links begin to know less than as many rays: a living room of 5,000 patches is better off with
+  // links, a furnished one of 8,500 with rays.
+  constexpr std::size_t kMany = 8000;
+  return parameters.final_gather != FinalGather::kOff && patches > kMany &&
+         WantsClusters(parameters, patches);
+}
+
 /// What thresholds that follow from `error` leave of it in the solution, as the final gather sees it.
 /// Measured over the scenes of the benchmark.
 constexpr double kLeftBySolution = 0.55;
 
-MeshOptions MeshOptionsOf(const Parameters& parameters) {
+MeshOptions MeshOptionsOf(const Parameters& parameters, bool by_rays) {
   MeshOptions options;
   options.error = 0.5 * parameters.error;
   options.noise = 0.7 * parameters.error;
   options.start_area = std::clamp(0.05 * parameters.error, 1e-5, 1e-2);
+  options.near_area = options.start_area / (by_rays ? 64 : 1);
   options.min_area = 1e-4 * options.start_area;
   return options;
 }
 
-GatherOptions GatherOptionsOf(const Parameters& parameters) {
+GatherOptions GatherOptionsOf(const Parameters& parameters, bool by_rays) {
   GatherOptions options;
   options.rays = std::clamp(static_cast<int>(std::lround(2 / parameters.error)), 16, 4096);
   options.uneven = parameters.error;
   options.negligible = 0.08 * parameters.error;
+  options.by_rays = by_rays;
+  options.full_area = std::clamp(0.05 * parameters.error, 1e-5, 1e-2);
   return options;
 }
 
@@ -204,8 +217,9 @@ Baking BakeTo(double error, double solve_share, double gather_share, const Param
   asked.error = error;
   const double part = parameters.error / error;
   Baking baking;
+  const bool by_rays = WantsRaysAround(asked, patches.surface_patches);
   Hierarchy hierarchy(patches, WantsClusters(asked, patches.surface_patches));
-  SolveOptions solve_options = OptionsOf(asked);
+  SolveOptions solve_options = OptionsOf(asked, by_rays);
   solve_options.stop = [&](const Iteration& iteration) {
     watch.progress().iteration = iteration;
     // Each pass costs about as much as all before it.
@@ -219,12 +233,12 @@ Baking BakeTo(double error, double solve_share, double gather_share, const Param
   phases.EndOfRays("energy", visibility.Counted().seconds);
 
   const Gatherer gatherer(hierarchy, baking.solution.light, baking.solution.links, visibility,
-                          GatherOptionsOf(asked));
+                          GatherOptionsOf(asked, by_rays));
   OutputMesh mesh(hierarchy, gatherer, baking.solution.links);
   if (parameters.final_gather == FinalGather::kOff) {
     mesh.TakeSolution();
   } else {
-    MeshOptions mesh_options = MeshOptionsOf(asked);
+    MeshOptions mesh_options = MeshOptionsOf(asked, by_rays);
     mesh_options.stop = [&](double mesh_error, std::size_t /*vertices*/) {
       watch.progress().error = mesh_error;
       watch.Report("gather", kSolved + part * (kGathered - kSolved) *

@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -88,6 +90,26 @@ TEST(Accuracy, OfTheOtherScenesIsTwoPercentToo) {
     EXPECT_LE(statistics.measured->error, 0.02) << name;
     EXPECT_LE(statistics.energy.imbalance, 0.005) << name;
   }
+}
+
+TEST(Accuracy, OfAFurnishedRoomOfManySmallPatchesIsWhatIsAsked) {
+  std::string folder = (std::filesystem::temp_directory_path() / "radbake-furnished-XXXXXX").string();
+  ASSERT_NE(mkdtemp(folder.data()), nullptr);
+  const std::string file = folder + "/room.glb";
+  const std::string command =
+      "python3 -B '" RADBAKE_SOURCE_DIR "/scenes/make_room.py' 10000 '" + file + "' > /dev/null";
+  ASSERT_EQ(std::system(command.c_str()), 0);  // NOLINT(concurrency-mt-unsafe)
+  const gltf::Source room = gltf::ReadSource(file);
+  std::filesystem::remove_all(folder);
+  const Statistics statistics = Bake(room, Asking(0.2, 512)).statistics;
+  EXPECT_EQ(statistics.scene.triangles, 9980U);
+  ASSERT_TRUE(statistics.measured.has_value());
+  EXPECT_LE(statistics.measured->error, 0.2);
+  EXPECT_LE(std::abs(statistics.measured->bias), 0.03);
+  EXPECT_LE(statistics.energy.imbalance, 0.02);
+  // Far from one for each pair, or for each pair of objects.
+  EXPECT_LE(statistics.iterations.back().links, 60'000U);
+  EXPECT_EQ(statistics.stopped_by, StoppedBy::kError);
 }
 
 TEST(Accuracy, WithoutFinalGatherIsThatOfTheSolution) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "solver/bake/surroundings.h"
 #include "solver/transport/coupling.h"
 #include "solver/transport/node_transport.h"
 #include "solver/transport/sampling.h"
@@ -11,18 +12,14 @@
 namespace radbake {
 namespace {
 
-/// Signed distance from `x` to the nearest edge line of a convex polygon; positive inside.
-double DepthInside(const Polygon& polygon, const Vec3& x) {
-  double depth = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < polygon.count; ++k) {
-    const Vec3 along = polygon[(k + 1) % polygon.count] - polygon[k];
-    depth = std::min(depth, polygon.normal.cross(along).normalized().dot(x - polygon[k]));
-  }
-  return depth;
-}
-
 // Of form factors: beside what the links themselves leave it is nothing.
 constexpr double kTolerance = 1e-3;
+
+// Rays around a point, in those that go to a shooter that gives all of its light.
+constexpr double kRaysAround = 2;
+
+// Of the rays, what the smallest patches get.
+constexpr double kLeastShare = 0.25;
 
 /// How far the visibility of a point of the receiver may be from the link's: much where that is neither 0 nor
 /// 1.
@@ -48,6 +45,9 @@ Gatherer::Gatherer(const Hierarchy& hierarchy, const Light& light, const Links& 
     area += hierarchy[root].area;
   }
   typical_ = std::sqrt(sum / area);
+  if (options.by_rays) {
+    emitters_.emplace(hierarchy);
+  }
 }
 
 Index Gatherer::SolverLeaf(Index element, const Vec3& x) const {
@@ -60,18 +60,7 @@ Index Gatherer::SolverLeaf(Index element, const Vec3& x) const {
   while (element >= solved) {
     element = hierarchy_[element].parent;
   }
-  while (!IsSolverLeaf(element)) {
-    const Index first = hierarchy_[element].first_child;
-    double deepest = -std::numeric_limits<double>::infinity();
-    for (Index child = first; child < first + 4; ++child) {
-      const double depth = DepthInside(hierarchy_.Shape(child), x);
-      if (depth > deepest) {
-        deepest = depth;
-        element = child;
-      }
-    }
-  }
-  return element;
+  return SolverLeafAt(hierarchy_, light_, element, x);
 }
 
 bool Gatherer::IsSealed(const Vec3& x, Index leaf) const {
@@ -268,13 +257,14 @@ Estimate Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key, doub
   return Irradiance(leaf, LookFrom(x, leaf, key, effort, false));
 }
 
-Estimate Gatherer::Irradiance(Index leaf, Look look) const {
+template <typename Take>
+Estimate Gatherer::AlongLinks(Index leaf, Look& look, const Take& take) const {
   Estimate sum;
   const auto add = [&](Index receiver) {
     for (const Link& link : links_.Into(receiver)) {
-      const Estimate part = Along(link, look);
-      sum.irradiance += part.irradiance;
-      sum.variance += part.variance;
+      if (take(link.shooter)) {
+        sum += Along(link, look);
+      }
     }
   };
   for (Index e = leaf; e != kNone; e = hierarchy_[e].parent) {
@@ -283,6 +273,44 @@ Estimate Gatherer::Irradiance(Index leaf, Look look) const {
   const Clusters& clusters = hierarchy_.clusters();
   for (Index c = clusters.Above(hierarchy_[leaf].patch); c != kNone; c = clusters[c].parent) {
     add(ClusterNode(c));
+  }
+  return sum;
+}
+
+Estimate Gatherer::ByRays(Look& look, Index leaf, double rays, int depth) const {
+  Estimate sum = emitters_->At(visibility_, look.x, look.n, look.scale, rays, Hash(look.key ^ leaf));
+  sum += FromSurroundings(hierarchy_, light_, visibility_, look.x, look.n, rays, Hash(~look.key ^ leaf),
+                          [&](const Met& met) { return Reflected(met, depth); });
+  if (!light_.punctual.empty()) {
+    sum += AlongLinks(leaf, look, IsPunctual);
+  }
+  return sum;
+}
+
+Rgb Gatherer::Reflected(const Met& met, int depth) const {
+  // A leaf's mean is what is seen of it from as far as it is wide.
+  constexpr double kFar = 0.5;
+  constexpr int kDeepest = 3;
+  const Patch& patch = hierarchy_.PatchOf(met.leaf);
+  if (depth == kDeepest || met.distance * met.distance > kFar * kFar * hierarchy_[met.leaf].area) {
+    const Rgb shooting = light_.IsShaped(met.leaf)
+                             ? Evaluate(light_.ShootingPolynomial(met.leaf), light_.basis.At(met.leaf, met.y))
+                             : light_.Shooting(met.leaf);
+    return (shooting - patch.emission).max(0.0);
+  }
+  Look look = LookFrom(met.y, met.leaf, met.key, 1.0 / options_.rays, true);
+  return patch.reflectance * ByRays(look, met.leaf, 1, depth + 1).irradiance.max(0.0);
+}
+
+Estimate Gatherer::Irradiance(Index leaf, Look look) const {
+  Estimate sum;
+  if (emitters_) {
+    const double small =
+        std::sqrt(hierarchy_.PatchOf(leaf).area / (options_.full_area * hierarchy_.patches().area));
+    const double rays = kRaysAround * options_.rays * look.effort * std::clamp(small, kLeastShare, 1.0);
+    sum = ByRays(look, leaf, rays, 0);
+  } else {
+    sum = AlongLinks(leaf, look, [](Index) { return true; });
   }
   sum.irradiance = sum.irradiance.max(0.0);
   return sum;

@@ -1,6 +1,10 @@
 /// Final gather: the irradiance at a point, gathered anew from the hierarchy's links.
 #pragma once
 
+#include <optional>
+
+#include "solver/bake/emitters.h"
+#include "solver/bake/surroundings.h"
 #include "solver/hierarchy/light.h"
 #include "solver/refine/links.h"
 #include "solver/transport/visibility.h"
@@ -11,19 +15,22 @@ struct GatherOptions {
   int rays = 64;             ///< to a shooter that gives all of a point's light; others in proportion
   double uneven = 2e-2;      ///< share of a point's light that may lie elsewhere on a shooter
   double negligible = 4e-4;  ///< share of a point's light that may be wrong without being looked at
-};
-
-/// What rays say of the irradiance at a point.
-struct Estimate {
-  Rgb irradiance = Rgb::Zero();  ///< normalised
-  double variance = 0;           ///< of all channels, as the rays themselves tell
+  /// Whether a point's light is gathered by rays instead of along links, which many small patches make too
+  /// many and too coarse. Wants clusters.
+  bool by_rays = false;
+  /// By rays, patches below this share of the scene's area get fewer rays: what is small
+  /// counts little.
+  double full_area = 1e-3;
 };
 
 /// The links into an element, its ancestors and the clusters above say which shooters light it; at a point
 /// inside, each one's form factor is exact (Lambert's formula), and its visibility is the point's own
 /// wherever no shaft proved it open (compare Lischinski, Tampieri, Greenberg, Combining hierarchical
 /// radiosity and discontinuity meshing, SIGGRAPH 1993, section 5; Smits 1994 calls it local pass).
-/// Thread-safe.
+///
+/// By rays instead, the light of the patches that emit is gathered from each (Emitters), what surfaces
+/// reflect and the sky's by rays around the point (FromSurroundings), and only that of lights without area
+/// along their links. Thread-safe.
 class Gatherer {
  public:
   Gatherer(const Hierarchy& hierarchy, const Light& light, const Links& links, const Visibility& visibility,
@@ -54,6 +61,14 @@ class Gatherer {
   /// polynomial, without a ray.
   Rgb Solved(Index leaf, const Vec3& x) const;
 
+  /// Does `x` see the same from both leaves, so that one answer does for both?
+  bool SeesAlike(Index leaf_a, Index leaf_b) const {
+    return leaf_a == leaf_b || (emitters_ && hierarchy_[leaf_a].patch == hierarchy_[leaf_b].patch);
+  }
+
+  /// May `parts` answers for one place share the rays of one?
+  double EffortOfPart(std::size_t parts) const { return emitters_ ? 1.0 / static_cast<double>(parts) : 1; }
+
   /// The irradiance at `x` inside `leaf` = SolverLeaf(…, x). `x` must not lie on the leaf's outline.
   /// `key` seeds the shadow rays; `effort` times as many are cast as GatherOptions say.
   Estimate Irradiance(const Vec3& x, Index leaf, std::uint64_t key, double effort = 1) const;
@@ -83,6 +98,16 @@ class Gatherer {
   /// What of `open` is not blocked.
   Estimate Seen(const Link& link, Index shooter, const Rgb& open, double chance, Look& look) const;
 
+  /// By Emitters, FromSurroundings and what is left of the links.
+  Estimate ByRays(Look& look, Index leaf, double rays, int depth) const;
+  /// What a surface reflects there as radiosity: as the solution says, or where that is too coarse for so
+  /// near a view, as a ray or two say.
+  Rgb Reflected(const Met& met, int depth) const;
+
+  /// Along the links into the leaf, its ancestors and the clusters above that `take` says.
+  template <typename Take>
+  Estimate AlongLinks(Index leaf, Look& look, const Take& take) const;
+
   /// What `x` sees of a shooter on the whole.
   Rgb Shooting(Index shooter, const Vec3& x, const Vec3& n) const;
 
@@ -97,7 +122,8 @@ class Gatherer {
   const Links& links_;
   const Visibility& visibility_;
   GatherOptions options_;
-  double typical_ = 0;  // root mean square of the luminous irradiance
+  double typical_ = 0;                // root mean square of the luminous irradiance
+  std::optional<Emitters> emitters_;  // by rays
 };
 
 }  // namespace radbake

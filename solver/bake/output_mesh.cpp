@@ -10,6 +10,7 @@
 #include <numeric>
 #include <utility>
 
+#include "solver/bake/neighbourhood.h"
 #include "solver/transport/sampling.h"
 
 namespace radbake {
@@ -121,9 +122,13 @@ void OutputMesh::Divide(Index element) {
   }
 }
 
-void OutputMesh::DivideUnseen(double area) {
+void OutputMesh::DivideUnseen(double area, double near_area) {
+  const auto is_unseen = [&](Index e) {
+    return IsLit(e) && (hierarchy_[e].area > area ||
+                        (hierarchy_[e].area > near_area && StandsSomethingOn(hierarchy_, e)));
+  };
   for (std::size_t k = 0; k < cut_.size(); ++k) {
-    while (IsLit(cut_[k]) && hierarchy_[cut_[k]].area > area) {
+    while (is_unseen(cut_[k])) {
       Divide(cut_[k]);
       const Index first = hierarchy_[cut_[k]].first_child;
       cut_[k] = first;
@@ -192,7 +197,11 @@ bool OutputMesh::GatherVertices(const std::function<bool()>& stop, Source source
     const Index vertex = meetings[begin[v]].vertex;
     Sample& sample = at_vertex_[vertex];
     sample.gathered = true;
-    std::vector<Index> seen;
+    struct View {
+      Vec3 x;
+      Index leaf;
+    };
+    std::vector<View> views;
     bool sealed = false;
     for (std::size_t k = begin[v]; k < begin[v + 1]; ++k) {
       const Index element = meetings[k].element;
@@ -204,23 +213,24 @@ bool OutputMesh::GatherVertices(const std::function<bool()>& stop, Source source
       const Vec3 x = hierarchy_.Point(vertex) +
                      kInside * (ElementCentre(hierarchy_, element) - hierarchy_.Point(vertex));
       const Index leaf = gatherer_.SolverLeaf(element, x);
-      if (std::find(seen.begin(), seen.end(), leaf) != seen.end()) {
+      if (std::ranges::any_of(views,
+                              [&](const View& view) { return gatherer_.SeesAlike(view.leaf, leaf); })) {
         continue;
       }
       if (source == Source::kRays ? gatherer_.IsSealed(x, leaf) : gatherer_.IsSealed(leaf)) {
         sealed = true;
         continue;
       }
-      seen.push_back(leaf);
-      const Estimate estimate = At(x, leaf, Hash(vertex), source);
-      sample.irradiance += estimate.irradiance;
-      sample.variance += estimate.variance;
+      views.push_back({x, leaf});
     }
-    sample.sealed = sealed && seen.empty();
-    if (!seen.empty()) {
-      // The same random numbers at the same place: what errs at one errs at all.
-      sample.irradiance /= static_cast<double>(seen.size());
-      sample.variance /= static_cast<double>(seen.size());
+    sample.sealed = sealed && views.empty();
+    // Rays that are shared err independently. Where they are not, the same random numbers are taken at the
+    // same place: what errs at one errs at all.
+    const double part = gatherer_.EffortOfPart(views.size());
+    for (const View& view : views) {
+      const Estimate estimate = At(view.x, view.leaf, Hash(vertex), source, part * effort_);
+      sample.irradiance += estimate.irradiance / static_cast<double>(views.size());
+      sample.variance += part * estimate.variance / static_cast<double>(views.size());
     }
   });
 }
@@ -240,15 +250,15 @@ bool OutputMesh::GatherCentres(const std::function<bool()>& stop, Source source)
     const Index leaf = gatherer_.SolverLeaf(e, x);
     sample.sealed = source == Source::kRays ? gatherer_.IsSealed(x, leaf) : gatherer_.IsSealed(leaf);
     if (!sample.sealed) {
-      const Estimate estimate = At(x, leaf, Hash(~static_cast<std::uint64_t>(e)), source);
+      const Estimate estimate = At(x, leaf, Hash(~static_cast<std::uint64_t>(e)), source, effort_);
       sample.irradiance = estimate.irradiance;
       sample.variance = estimate.variance;
     }
   });
 }
 
-Estimate OutputMesh::At(const Vec3& x, Index leaf, std::uint64_t key, Source source) const {
-  return source == Source::kRays ? gatherer_.Irradiance(x, leaf, key, effort_)
+Estimate OutputMesh::At(const Vec3& x, Index leaf, std::uint64_t key, Source source, double effort) const {
+  return source == Source::kRays ? gatherer_.Irradiance(x, leaf, key, effort)
                                  : Estimate{gatherer_.Solved(leaf, x)};
 }
 
@@ -400,7 +410,7 @@ MeshEnd OutputMesh::DivideWhereItMatters(const MeshOptions& options) {
   constexpr double kFirstUnseen = 1e-2;
   constexpr double kUnseenFall = 4;
   double unseen = std::max(kFirstUnseen, options.start_area);
-  DivideUnseen(unseen * area);
+  DivideUnseen(unseen * area, unseen * area);
   double left = 0;           // of the squared errors, that of the elements that the last round let be
   double divided_error = 0;  // and that of those that it divided
   int in_vain = 0;
@@ -417,7 +427,7 @@ MeshEnd OutputMesh::DivideWhereItMatters(const MeshOptions& options) {
     if (unseen > options.start_area) {
       SpendAsNeeded(options.noise);
       unseen = std::max(unseen / kUnseenFall, options.start_area);
-      DivideUnseen(unseen * area);
+      DivideUnseen(unseen * area, (unseen > options.start_area ? unseen : options.near_area) * area);
       continue;
     }
     if (error_ <= options.error) {

@@ -13,6 +13,7 @@ struct MeshOptions {
   double error = 0.01;       ///< target: relative RMS error of the interpolation
   double noise = 0.01;       ///< target: relative RMS error of the rays' noise
   double start_area = 1e-3;  ///< lit elements above this share of the scene's area are divided unseen
+  double near_area = 1e-5;   ///< and those above this share on which something stands
   double min_area = 1e-8;    ///< elements below this share are not divided
   std::size_t max_vertices = 4'000'000;
   /// Called now and then, on the caller's thread, with the estimated error and the vertices so far; true ends
@@ -74,14 +75,15 @@ class OutputMesh {
 
   MeshEnd DivideWhereItMatters(const MeshOptions& options);
   void GrowWithHierarchy();
-  void DivideUnseen(double area);
+  /// Those above `area`, and above `near_area` where something stands on them.
+  void DivideUnseen(double area, double near_area);
   void Divide(Index element);
   void WalkEdges();
   void WalkEdge(Index from, Index to, Loop& loop);
   enum class Source { kRays, kSolution };
   bool GatherVertices(const std::function<bool()>& stop, Source source = Source::kRays);
   bool GatherCentres(const std::function<bool()>& stop, Source source = Source::kRays);
-  Estimate At(const Vec3& x, Index leaf, std::uint64_t key, Source source) const;
+  Estimate At(const Vec3& x, Index leaf, std::uint64_t key, Source source, double effort) const;
   Deviation DeviationOf(Index element) const;
   double ErrorPerDeviation(Index element, const Deviation& deviation) const;
   std::vector<double> SquaredErrors();
