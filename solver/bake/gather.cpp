@@ -105,9 +105,7 @@ Estimate Gatherer::From(const Link& link, Index shooter, const Rgb& shooting, do
     Estimate sum;
     const Index first = hierarchy_[shooter].first_child;
     for (Index child = first; child < first + 4; ++child) {
-      const Estimate part = From(link, child, Shooting(child, look.x, look.n), chance, look);
-      sum.irradiance += part.irradiance;
-      sum.variance += part.variance;
+      sum += From(link, child, Shooting(child, look.x, look.n), chance, look);
     }
     return sum;
   }
