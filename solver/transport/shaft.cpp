@@ -44,6 +44,51 @@ Plane PlaneOf(const std::array<Vec3, 3>& triangle) {
   return {n, n.dot(triangle[0])};
 }
 
+/// Points in blocks with boxes, so that of a plane along the outside of a scene few of them are asked.
+/// Neighbours in a mesh are near one another in its file.
+class PointBlocks {
+ public:
+  explicit PointBlocks(std::span<const Vec3> points) : points_(points) {
+    for (std::size_t begin = 0; begin < points.size(); begin += kSize) {
+      Eigen::AlignedBox3d& box = boxes_.emplace_back();
+      for (const Vec3& point : Block(boxes_.size() - 1)) {
+        box.extend(point);
+      }
+    }
+  }
+
+  /// As HasAllOnOneSide() of all.
+  bool HaveAllOnOneSide(const Plane& plane) const {
+    bool below = false;
+    bool above = false;
+    for (std::size_t k = 0; k < boxes_.size(); ++k) {
+      const double middle = plane.Distance(boxes_[k].center());
+      const double reach = 0.5 * plane.normal.cwiseAbs().dot(boxes_[k].sizes()) + kTouch;
+      if ((below || middle - reach >= -kTouch) && (above || middle + reach <= kTouch)) {
+        continue;
+      }
+      for (const Vec3& point : Block(k)) {
+        const double d = plane.Distance(point);
+        below = below || d < -kTouch;
+        above = above || d > kTouch;
+      }
+      if (below && above) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+ private:
+  static constexpr std::size_t kSize = 128;
+  std::span<const Vec3> Block(std::size_t k) const {
+    return points_.subspan(kSize * k, std::min(kSize, points_.size() - kSize * k));
+  }
+
+  std::span<const Vec3> points_;
+  std::vector<Eigen::AlignedBox3d> boxes_;
+};
+
 }  // namespace
 
 Shaft::Shaft(const Polygon& a, const Polygon& b) {
@@ -145,9 +190,10 @@ Occluders::Occluders(const Patches& patches) {
       }
     }
   }
+  const PointBlocks blocks(corners);
   for (const Blocker& blocker : blockers) {
     const Plane plane = PlaneOf(blocker.corner);
-    if (light_from_afar || !HasAllOnOneSide(plane, extremes) || !HasAllOnOneSide(plane, corners)) {
+    if (light_from_afar || !HasAllOnOneSide(plane, extremes) || !blocks.HaveAllOnOneSide(plane)) {
       triangles_.push_back(blocker.corner);
     }
   }
