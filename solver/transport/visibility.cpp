@@ -114,17 +114,18 @@ SampledVisibility Visibility::BetweenElements(const Polygon& a, const Polygon& b
   if (front_a.count == 0 || front_b.count == 0) {
     return {0, 0};
   }
-  // Two halves of the rays, each a sum of kernel weights over all rays and over the open ones.
-  QuasiRandom<4> random(key);
+  // Two halves of the rays, each a sum of kernel weights over all rays and over the open ones. Each has a
+  // sequence of its own: of one that both shared, the second half would find what the first has missed.
+  std::array<QuasiRandom<4>, 2> random = {QuasiRandom<4>(key), QuasiRandom<4>(Hash(key))};
   std::array<double, 2> all{};
   std::array<double, 2> open{};
   RayBatch batch(*this);
   for (int k = 0; k < rays; ++k) {
-    const auto u = random.Next();
+    const std::size_t half = static_cast<std::size_t>(k) % 2;
+    const auto u = random[half].Next();
     const Vec3 x = PointOn(front_a, u[0], u[1]);
     const Vec3 y = PointOn(front_b, u[2], u[3]);
     const double weight = std::max(0.0, (y - x).dot(a.normal)) * Kernel(x, y, b.normal);
-    const std::size_t half = static_cast<std::size_t>(k) % 2;
     ++batch.rays;
     all[half] += weight;
     open[half] += Blocked(x, a.patch, y, b.patch) ? 0 : weight;

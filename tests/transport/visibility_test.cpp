@@ -127,6 +127,28 @@ TEST(Visibility, CarriedBetweenPartlyHiddenElementsIsUnbiasedWhetherTheyTouchOrN
   }
 }
 
+// An oracle refines where much was judged, and what was judged to be little stays: if those carried more,
+// light would be made.
+TEST(Visibility, CarriesNoMoreWhereLittleWasJudged) {
+  const Patches patches = Ceiling();
+  const Visibility visibility(patches);
+  const Polygon a = ShapeOf(patches.patches[0]);
+  const Polygon b = ShapeOf(patches.patches[1]);
+  const double exchange_area = ExchangeArea(a, b);
+  const double expected = ExpectedVisibility(patches);
+  constexpr int kPairs = 10'000;
+  constexpr int kRays = 32;
+  double products = 0;
+  double squares = 0;
+  for (std::uint64_t k = 0; k < kPairs; ++k) {
+    const SampledVisibility sampled = visibility.BetweenElements(a, b, exchange_area, Hash(k), kRays);
+    const double product = (sampled.judged - expected) * (sampled.carried - expected);
+    products += product;
+    squares += product * product;
+  }
+  EXPECT_NEAR(products, 0, 4 * std::sqrt(squares));
+}
+
 Polygon Quad(const Patches& patches, const std::array<Vec3, 4>& world) {
   Polygon polygon;
   polygon.count = 4;
