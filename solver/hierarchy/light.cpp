@@ -13,6 +13,12 @@ double Openness::Share(Index patch, std::uint32_t depth) const {
          static_cast<double>(kRays);
 }
 
+double Openness::Enclosed(Index patch, std::uint32_t depth) const {
+  const auto& rays = met_at[patch];
+  return static_cast<double>(std::ranges::count_if(rays, [&](std::uint8_t at) { return at > depth; })) /
+         static_cast<double>(kRays);
+}
+
 Rgb ClusterRadiosity::Towards(const CosineSum& basis, const CosineSum& aperture) const {
   // A ratio of two sums of cosines over the same patches: the errors of the basis all but cancel, unless
   // hardly anything is seen.
@@ -170,10 +176,12 @@ void Light::PullOpen(const Hierarchy& hierarchy) {
   const Clusters& clusters = hierarchy.clusters();
   tbb::parallel_for(Index{0}, static_cast<Index>(aperture.size()), [&](Index c) {
     aperture[c].setZero();
+    enclosed[c] = 0;
     for (const Index patch : clusters.PatchesBelow(c)) {
-      aperture[c] += static_cast<float>(hierarchy[patch].area / clusters[c].area * open[patch] *
-                                        openness.Share(patch, clusters[c].depth)) *
-                     clusters.BasisOf(patch);
+      const double share = hierarchy[patch].area / clusters[c].area * open[patch];
+      aperture[c] +=
+          static_cast<float>(share * openness.Share(patch, clusters[c].depth)) * clusters.BasisOf(patch);
+      enclosed[c] += share * openness.Enclosed(patch, clusters[c].depth);
     }
   });
 }
@@ -209,6 +217,7 @@ void Light::Extend(const Hierarchy& hierarchy) {
   cluster_radiosity.resize(clusters);
   cluster_variation.resize(clusters, 0.0);
   aperture.resize(clusters, CosineSum::Zero());
+  enclosed.resize(clusters, 0.0);
   if (punctual.empty()) {
     for (const PunctualLight& light : hierarchy.patches().lights) {
       punctual.push_back(light.intensity);

@@ -18,9 +18,15 @@ struct Openness {
   /// By patch, of rays that leave it with cosine-weighted directions: 0, or one more than the depth of the
   /// deepest cluster above the patch whose sphere holds what the ray meets.
   std::vector<std::array<std::uint8_t, kRays>> blocked_at;
+  /// Of the same rays: 0, or one more than the depth of the deepest cluster above both the patch and the one
+  /// that the ray meets.
+  std::vector<std::array<std::uint8_t, kRays>> met_at;
 
   /// The share of the patch's rays that come out of its ancestor at `depth`.
   double Share(Index patch, std::uint32_t depth) const;
+  /// The share of those that meet a patch below that ancestor: what the ancestor gives itself comes from
+  /// there.
+  double Enclosed(Index patch, std::uint32_t depth) const;
 };
 
 /// What leaves a cluster: it depends on the direction.
@@ -82,7 +88,8 @@ struct Light {
   std::vector<ClusterRadiosity> cluster_radiosity;
   std::vector<double> cluster_variation;  ///< as `variation`, over the patches below
   std::vector<CosineSum> aperture;        ///< Σ A·o·y(n) / Σ A: what faces the light, and what is seen
-  Openness openness;                      ///< filled in by whoever makes the light
+  std::vector<double> enclosed;  ///< Σ A·e / Σ A, e: the share that the cluster's own patches enclose
+  Openness openness;             ///< filled in by whoever makes the light
 
   /// What a receiver at `x` sees of any node: its radiosity in that direction, or the intensity.
   Rgb Shooting(const Hierarchy& hierarchy, Index node, const Vec3& x) const;

@@ -158,30 +158,32 @@ Rgb RadiosityOperator::Shooting(const Shooters& shooters, Index gathered) const 
                               : shooters.clusters[gathered - kFirstCluster];
 }
 
-std::vector<RgbCosineSum> RadiosityOperator::CollectOnClusters(const Shooters& shooters) const {
+std::vector<RadiosityOperator::Incident> RadiosityOperator::CollectOnClusters(
+    const Shooters& shooters) const {
   const Clusters& clusters = hierarchy_.clusters();
-  std::vector<RgbCosineSum> incident(clusters.size(), RgbCosineSum::Zero());
+  std::vector<Incident> incident(clusters.size());
   const auto gather = [&](Index c) {
     const CosineSum& aperture = light_.aperture[c];
     for (const Link& link : links_.Into(ClusterNode(c))) {
-      const bool self = link.shooter == link.receiver;
       const Rgb shooting = Shooting(shooters, GatheredFrom(links_, link));
-      const Eigen::RowVector3f mean = (static_cast<double>(link.form_factor * link.visibility) * shooting)
-                                          .cast<float>()
-                                          .matrix()
-                                          .transpose();
+      const Rgb mean = static_cast<double>(link.form_factor * link.visibility) * shooting;
+      if (link.shooter == link.receiver && light_.enclosed[c] > 0) {
+        incident[c].inside += mean / light_.enclosed[c];
+        continue;
+      }
+      const Eigen::RowVector3f row = mean.cast<float>().matrix().transpose();
       // Light from one direction falls on the patches by their orientation; its mean over them is the link's.
       constexpr double kHardly = 0.02;
-      if (!self) {
+      if (link.shooter != link.receiver) {
         const CosineSum basis = CosineBasis(DirectionTo(hierarchy_, link.shooter, clusters[c].centre));
         const double facing = Evaluate(aperture, basis);
         if (facing > kHardly * static_cast<double>(aperture[0])) {
-          incident[c] += ((basis / static_cast<float>(facing)).matrix() * mean).array();
+          incident[c].outside += ((basis / static_cast<float>(facing)).matrix() * row).array();
           continue;
         }
       }
       if (aperture[0] > 0) {
-        incident[c].row(0) += mean.array() / aperture[0];
+        incident[c].outside.row(0) += row.array() / aperture[0];
       }
     }
   };
@@ -189,14 +191,16 @@ std::vector<RgbCosineSum> RadiosityOperator::CollectOnClusters(const Shooters& s
   return incident;
 }
 
-std::vector<Rgb> RadiosityOperator::PushToPatches(const std::vector<RgbCosineSum>& incident) const {
+std::vector<Rgb> RadiosityOperator::PushToPatches(const std::vector<Incident>& incident) const {
   const Clusters& clusters = hierarchy_.clusters();
   std::vector<Rgb> irradiance(hierarchy_.surface_root_count(), Rgb::Zero());
   tbb::parallel_for(Index{0}, static_cast<Index>(irradiance.size()), [&](Index patch) {
     for (Index c = clusters.Above(patch); c != kNone; c = clusters[c].parent) {
       if (!links_.Into(ClusterNode(c)).empty()) {
+        const std::uint32_t depth = clusters[c].depth;
         irradiance[patch] +=
-            light_.openness.Share(patch, clusters[c].depth) * Evaluate(incident[c], clusters.BasisOf(patch));
+            light_.openness.Share(patch, depth) * Evaluate(incident[c].outside, clusters.BasisOf(patch)) +
+            light_.openness.Enclosed(patch, depth) * incident[c].inside;
       }
     }
   });

@@ -62,10 +62,14 @@ class RadiosityOperator {
   std::vector<Rgb> ShootingOfClusters(const std::vector<Rgb>& elements) const;
   /// `gathered`: as in Gathered.
   Rgb Shooting(const Shooters& shooters, Index gathered) const;
-  /// By cluster, Σ y(d)·E⊥ over the links into it, E⊥ the irradiance of what faces direction d: a patch below
-  /// receives y(n) of it.
-  std::vector<RgbCosineSum> CollectOnClusters(const Shooters& shooters) const;
-  std::vector<Rgb> PushToPatches(const std::vector<RgbCosineSum>& incident) const;
+  /// What a cluster hands down to a patch: of what comes from outside, by the patch's orientation and as far
+  /// as it is open to it; of what the cluster's patches exchange, as far as they enclose it.
+  struct Incident {
+    RgbCosineSum outside = RgbCosineSum::Zero();  // Σ y(d)·E⊥ over links, E⊥ of what faces direction d
+    Rgb inside = Rgb::Zero();
+  };
+  std::vector<Incident> CollectOnClusters(const Shooters& shooters) const;
+  std::vector<Rgb> PushToPatches(const std::vector<Incident>& incident) const;
   LeafValues Collect(const Shooters& shooters) const;
   void StoreShape(std::size_t k, const LeafValues& irradiance, Light& light) const;
   /// By element, K each: the polynomials that couplings bring, the ancestors' too.

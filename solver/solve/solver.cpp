@@ -36,6 +36,18 @@ double AbsorbedPower(const Hierarchy& hierarchy, const Light& light) {
   return power;
 }
 
+/// What the links would bring if nothing were in between, as far as it is kept.
+double UnoccludedPower(const Hierarchy& hierarchy, const Links& links, const Light& light) {
+  double power = 0;
+  for (const Link& link : links.all()) {
+    const Rgb shot = link.shooter == link.receiver
+                         ? light.cluster_radiosity[link.shooter - kFirstCluster].mean
+                         : light.Shooting(hierarchy, link.shooter, hierarchy.Centre(link.receiver));
+    power += hierarchy.Area(link.receiver) * static_cast<double>(link.form_factor) * Luminance(shot);
+  }
+  return power;
+}
+
 class Solver {
  public:
   Solver(Hierarchy& hierarchy, const Visibility& visibility, const SolveOptions& options)
@@ -78,7 +90,7 @@ class Solver {
     while (!solution_.stopped && threshold > options_.w_min) {
       threshold = std::max(options_.w_min, threshold / kThresholdFall);
       ++now_.pass;
-      const double w_min = threshold * AbsorbedPower(hierarchy_, solution_.light);
+      const double w_min = threshold * Power();
       if (options_.oracle) {
         Refine(*options_.oracle(solution_.light, a_min, w_min));
       } else {
@@ -87,6 +99,13 @@ class Solver {
       // The next pass changes more than a fine solution of this one would.
       Iterate(threshold > options_.w_min ? std::max(options_.tolerance, 0.01) : options_.tolerance);
     }
+  }
+
+  /// What thresholds are shares of. Where no light has been found, they are of what may yet be: of nothing,
+  /// refinement would not end.
+  double Power() const {
+    const double absorbed = AbsorbedPower(hierarchy_, solution_.light);
+    return absorbed > 0 ? absorbed : UnoccludedPower(hierarchy_, linker_.links(), solution_.light);
   }
 
   void RunTwoLevel(double a_min) {

@@ -272,25 +272,38 @@ Openness LookAround(const Hierarchy& hierarchy, const Visibility& visibility) {
   const Clusters& clusters = hierarchy.clusters();
   Openness openness;
   openness.blocked_at.resize(clusters.empty() ? 0 : hierarchy.surface_root_count());
+  openness.met_at.resize(openness.blocked_at.size());
+  const auto one_more = [&](Index c) {
+    return static_cast<std::uint8_t>(std::min<std::uint32_t>(clusters[c].depth + 1, UINT8_MAX));
+  };
   tbb::parallel_for(std::size_t{0}, openness.blocked_at.size(), [&](std::size_t p) {
     const auto patch = static_cast<Index>(p);
     const Polygon shape = hierarchy.Shape(patch);
     QuasiRandom<4> random(Hash(p));
     RayBatch batch(visibility);
-    for (std::uint8_t& at : openness.blocked_at[p]) {
+    for (std::size_t k = 0; k < Openness::kRays; ++k) {
       const auto u = random.Next();
       const Vec3 x = PointOn(shape, u[0], u[1]);
       const Vec3 direction = CosineDirection(shape.normal, u[2], u[3]);
       ++batch.rays;
+      openness.blocked_at[p][k] = openness.met_at[p][k] = 0;
       const auto hit = visibility.caster().Closest(x, direction);
-      at = 0;
-      if (hit) {
-        const Vec3 y = x + hit->distance * direction;
-        Index c = clusters.Above(patch);
-        while (c != 0 && (y - clusters[c].centre).norm() > clusters[c].radius) {
+      if (!hit) {
+        continue;
+      }
+      const Vec3 y = x + hit->distance * direction;
+      Index c = clusters.Above(patch);
+      while (c != 0 && (y - clusters[c].centre).norm() > clusters[c].radius) {
+        c = clusters[c].parent;
+      }
+      openness.blocked_at[p][k] = one_more(c);
+      const Blocker& blocker = hierarchy.patches().blockers[hit->triangle];
+      if (const Index met = hit->front ? blocker.front : blocker.back; met != kNone) {
+        c = clusters.Above(patch);
+        while (!clusters.Holds(c, met)) {
           c = clusters[c].parent;
         }
-        at = static_cast<std::uint8_t>(std::min<std::uint32_t>(clusters[c].depth + 1, UINT8_MAX));
+        openness.met_at[p][k] = one_more(c);
       }
     }
   });

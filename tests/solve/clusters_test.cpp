@@ -74,6 +74,58 @@ TEST(ClusteredSolution, LessLightLeaksThroughAWallTheFinerTheLinks) {
   EXPECT_LT(leak(2.5e-4), 0.001);
 }
 
+/// Solved with a_min = 1e-4, so that what refines without need ends.
+Solution SolveWith(const Scene& scene, bool clustering) {
+  const Patches patches = CutIntoPatches(scene);
+  Hierarchy hierarchy(patches, clustering);
+  const Visibility visibility(patches);
+  SolveOptions options = Clustered::Options(2e-4);
+  options.a_min = 1e-4;
+  return Solve(hierarchy, visibility, options);
+}
+
+TEST(ClusteredSolution, OfClosedRoomsNeedsAtMostAFewTimesTheLinksOfOneWithoutClusters) {
+  Scene fine;
+  AddFineBox(fine, testing::AddMaterial(fine, 0.5, 1), Vec3(0, 0, 0), Vec3(3, 2, 1), 4, true);
+  for (const Scene& scene : {testing::FurnaceBox(0.5), testing::ShadowRoom(), fine}) {
+    const Solution alone = SolveWith(scene, false);
+    const Solution clustered = SolveWith(scene, true);
+    EXPECT_LE(clustered.links.size(), 3 * alone.links.size());
+    EXPECT_LE(clustered.light.radiosity.size(), 2 * alone.light.radiosity.size());
+  }
+}
+
+/// The first links already bring what the last ones do.
+TEST(ClusteredSolution, OfAFurnaceIsThereBeforeAnyLinkIsRefined) {
+  const Scene scene = testing::FurnaceBox(0.5);
+  const Patches patches = CutIntoPatches(scene);
+  Hierarchy hierarchy(patches, true);
+  const Visibility visibility(patches);
+  SolveOptions options;
+  options.w_min = 1;  // no second pass
+  options.visibility_rays = 4096;
+  const Solution solution = Solve(hierarchy, visibility, options);
+  ASSERT_EQ(solution.links.size(), 1U);
+  const double exact = Luminance(patches.patches[0].emission) / (1 - 0.5);
+  for (Index patch = 0; patch < hierarchy.surface_root_count(); ++patch) {
+    EXPECT_NEAR(Luminance(solution.light.irradiance[patch]) / exact, 1, 0.05);
+  }
+}
+
+TEST(Solution, DoesNotDivideForLightThatReachesNothing) {
+  Scene scene;
+  const Index grey = testing::AddMaterial(scene, 0.5, 0);
+  testing::AddBox(scene, grey, Vec3(0, 0, 0), Vec3(3, 3, 3), true);
+  testing::AddBox(scene, grey, Vec3(1, 1, 1), Vec3(2, 2, 2), false);
+  PunctualLight light;
+  light.position = Vec3(1.5, 1.5, 1.5);
+  light.intensity = Rgb::Constant(1);
+  scene.lights.push_back(light);
+  for (const bool clustering : {false, true}) {
+    EXPECT_LT(SolveWith(scene, clustering).links.size(), 5000U);
+  }
+}
+
 /// A closed room of many patches sees nothing but itself, touching walls and all.
 TEST(ClusterTransport, OfAClosedRoomToItselfIsOneInTheMeanOfFewRays) {
   Scene scene;
