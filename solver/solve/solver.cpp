@@ -14,6 +14,7 @@
 #include "solver/solve/radiosity_operator.h"
 #include "solver/transport/node_transport.h"
 #include "solver/transport/sampling.h"
+#include "solver/transport/zones.h"
 
 namespace radbake {
 namespace {
@@ -59,6 +60,9 @@ class Solver {
   }
 
   Solution Run() {
+    if (!hierarchy_.clusters().empty()) {
+      hierarchy_.KeepApart(FindZones(hierarchy_.patches(), visibility_));
+    }
     solution_.light.openness = LookAround(hierarchy_, visibility_);
     linker_.LinkRoots();
     Extend();
