@@ -15,10 +15,10 @@ struct Link {
   Index shooter = 0;
   float form_factor = 0;  ///< F from receiver to shooter, unoccluded; from a light, irradiance per intensity
   float judged_factor = 0;  ///< the same, where rays measure it from others than carry, for oracles
-  float variation = 0;     ///< largest difference of the point-to-shooter form factor over the receiver, less
-                           ///< what a higher basis explains of it
-  float visibility = 1;    ///< share of the light that is not blocked, sampled
-  float judged = 1;        ///< the same from other rays, for oracles: see SampledVisibility
+  float variation = 0;   ///< largest difference of the point-to-shooter form factor over the receiver, less
+                         ///< what a higher basis explains of it
+  float visibility = 1;  ///< share of the light that is not blocked, sampled: see SampledVisibility::carried
+  float judged = 1;      ///< the same from other rays, for oracles: see SampledVisibility
   Index first_source = 0;  ///< see Links::SourcesOf
   Index source_count = 0;
   bool clear = false;    ///< proved unoccluded

@@ -139,7 +139,9 @@ SampledVisibility Visibility::BetweenElements(const Polygon& a, const Polygon& b
   if (open[0] + open[1] > 0) {
     const double c = Touching(front_a, front_b) ? 1 : result.judged;
     const double share = Area(front_a) * Area(front_b) / (std::numbers::pi * exchange_area * (0.5 * rays));
-    result.carried = std::clamp(share * open[1] + c * (1 - share * all[1]), 0.0, 1.0);
+    // Above 1 by chance: cut there, what is hardly hidden would carry too little in the mean.
+    constexpr double kMost = 2;
+    result.carried = std::clamp(share * open[1] + c * (1 - share * all[1]), 0.0, kMost);
   }
   return result;
 }

@@ -20,12 +20,12 @@ struct RayCount {
   double seconds = 0;
 };
 
-/// Two independent samples of one visibility, each in [0, 1]. A link that is refined or kept by the same
+/// Two independent samples of one visibility, which is in [0, 1]. A link that is refined or kept by the same
 /// noise that it carries would carry too little: what is overestimated would be refined and measured again,
 /// and what is underestimated would stay.
 struct SampledVisibility {
-  double carried = 0;  ///< for transport
-  double judged = 0;   ///< for the oracle
+  double carried = 0;  ///< for transport: in the mean right, so it may be above 1 by chance
+  double judged = 0;   ///< for the oracle, in [0, 1]
 };
 
 /// Thread-safe. Results depend on the arguments alone.

@@ -21,13 +21,14 @@ void AddTriangle(Scene& scene, Index material, const Vec3& a, const Vec3& b, con
   scene.surfaces.push_back(surface);
 }
 
-/// A unit square on the floor, patch 0, one that it sees, patch 1, and a triangle between them, patch 2.
-Patches WithATriangleBetween(const std::array<Vec3, 4>& seen) {
+/// A unit square on the floor, patch 0, one that it sees, patch 1, and a triangle between them, patch 2, no
+/// higher than `height`.
+Patches WithATriangleBetween(const std::array<Vec3, 4>& seen, double height = 0.8) {
   Scene scene;
   const Index material = testing::AddMaterial(scene, 0.5, 1);
   testing::AddQuad(scene, material, Vec3(0, 0, 0), Vec3(1, 0, 0), Vec3(1, 1, 0), Vec3(0, 1, 0));
   testing::AddQuad(scene, material, seen[0], seen[1], seen[2], seen[3]);
-  AddTriangle(scene, material, Vec3(0.15, 0.1, 0.05), Vec3(0.3, 0.9, 0.1), Vec3(0.25, 0.4, 0.8));
+  AddTriangle(scene, material, Vec3(0.15, 0.1, 0.05), Vec3(0.3, 0.9, 0.1), Vec3(0.25, 0.4, height));
   return CutIntoPatches(scene);
 }
 /// The wall above the floor's edge at x = 0.
@@ -36,6 +37,12 @@ Patches TouchingWall() {
 }
 Patches Ceiling() {
   return WithATriangleBetween({Vec3(0, 0, 1), Vec3(0, 1, 1), Vec3(1, 1, 1), Vec3(1, 0, 1)});
+}
+
+/// A lid that hangs low above the floor: near, but not touching, and hardly hidden.
+Patches LowLid() {
+  return WithATriangleBetween({Vec3(0, 0, 0.16), Vec3(0, 1, 0.16), Vec3(1, 1, 0.16), Vec3(1, 0, 0.16)},
+                              0.155);
 }
 
 Polygon ShapeOf(const Patch& patch) {
@@ -125,6 +132,22 @@ TEST(Visibility, CarriedBetweenPartlyHiddenElementsIsUnbiasedWhetherTheyTouchOrN
       EXPECT_LT(there.standard_error, 0.01);
     }
   }
+}
+
+// A share above 1 is as much chance as one below.
+TEST(Visibility, CarriedBetweenHardlyHiddenElementsIsUnbiased) {
+  const Patches patches = LowLid();
+  const Visibility visibility(patches);
+  const Polygon a = ShapeOf(patches.patches[0]);
+  const Polygon b = ShapeOf(patches.patches[1]);
+  const double exchange_area = ExchangeArea(a, b);
+  const double expected = ExpectedVisibility(patches);
+  ASSERT_GT(expected, 0.95);
+  const Estimate found = Average(50'000, [&](std::uint64_t k) {
+    return visibility.BetweenElements(a, b, exchange_area, Hash(k), 32).carried;
+  });
+  EXPECT_NEAR(found.mean, expected, 4 * found.standard_error);
+  EXPECT_LT(found.standard_error, 0.001);
 }
 
 // An oracle refines where much was judged, and what was judged to be little stays: if those carried more,
