@@ -26,9 +26,11 @@ constexpr std::array kMethods{std::pair{std::string_view{"matrix"}, Method::kMat
                               std::pair{std::string_view{"two-level"}, Method::kTwoLevel},
                               std::pair{std::string_view{"hierarchical"}, Method::kHierarchical},
                               std::pair{std::string_view{"adaptive"}, Method::kAdaptive}};
-constexpr std::array kBases{std::pair{std::string_view{"constant"}, BasisOrder::kConstant},
-                            std::pair{std::string_view{"linear"}, BasisOrder::kLinear},
-                            std::pair{std::string_view{"quadratic"}, BasisOrder::kQuadratic}};
+using OptionalBasis = std::optional<BasisOrder>;
+constexpr std::array kBases{std::pair{std::string_view{"auto"}, OptionalBasis{}},
+                            std::pair{std::string_view{"constant"}, OptionalBasis{BasisOrder::kConstant}},
+                            std::pair{std::string_view{"linear"}, OptionalBasis{BasisOrder::kLinear}},
+                            std::pair{std::string_view{"quadratic"}, OptionalBasis{BasisOrder::kQuadratic}}};
 constexpr std::array kClusterings{std::pair{std::string_view{"auto"}, Clustering::kAuto},
                                   std::pair{std::string_view{"on"}, Clustering::kOn},
                                   std::pair{std::string_view{"off"}, Clustering::kOff}};
@@ -129,9 +131,11 @@ constexpr std::array kSpecs{
         [](const Json& value, Parameters& p) { return ReadWord<Method>(value, kMethods, p.method); },
         [](const Parameters& p) { return WriteWord<Method>(kMethods, p.method); }},
     ParameterSpec{
-        "basis", "constant, linear or quadratic", "order of the basis: what the solution is over an element",
-        [](const Json& value, Parameters& p) { return ReadWord<BasisOrder>(value, kBases, p.basis); },
-        [](const Parameters& p) { return WriteWord<BasisOrder>(kBases, p.basis); }},
+        "basis", "auto, constant, linear or quadratic",
+        "order of the basis: what the solution is over an element; auto: linear where adaptive links "
+        "patches, else constant",
+        [](const Json& value, Parameters& p) { return ReadWord<OptionalBasis>(value, kBases, p.basis); },
+        [](const Parameters& p) { return WriteWord<OptionalBasis>(kBases, p.basis); }},
     ParameterSpec{"clustering", "auto, on or off",
                   "clusters above patches; auto: where there are many patches",
                   [](const Json& value, Parameters& p) {

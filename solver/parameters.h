@@ -36,7 +36,7 @@ struct Parameters {
   double error = 0.02;                ///< 0.001 to 0.5: target of the relative RMS error
   std::optional<double> time_budget;  ///< seconds, above 0
   Method method = Method::kAdaptive;
-  BasisOrder basis = BasisOrder::kConstant;
+  std::optional<BasisOrder> basis;  ///< nothing: the method's own, see BasisOf
   Clustering clustering = Clustering::kAuto;
   FinalGather final_gather = FinalGather::kAuto;
   std::optional<double> exposure;  ///< nothing: auto

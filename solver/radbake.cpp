@@ -89,27 +89,30 @@ class Watch {
 /// By Method: how its smallest elements' share of the scene's area follows from `error`. Fitted so that what
 /// the elements' constants leave in the final irradiance is a small part of the target. kAdaptive: it only
 /// ends what would not; W_min must decide, down to the narrow gap between a lamp and its ceiling.
+/// `direct_rays`: kHierarchical leaves lamps that are seen small on links from all of a floor.
 struct ByMethod {
   Refinement refinement;
   double a_min_per_error;
+  int direct_rays;
 };
-constexpr std::array kByMethod{ByMethod{Refinement::kMatrix, 0.05}, ByMethod{Refinement::kTwoLevel, 0.005},
-                               ByMethod{Refinement::kHierarchical, 0.02},
-                               ByMethod{Refinement::kAdaptive, 1e-4}};
+constexpr std::array kByMethod{
+    ByMethod{Refinement::kMatrix, 0.05, 32}, ByMethod{Refinement::kTwoLevel, 0.005, 256},
+    ByMethod{Refinement::kHierarchical, 0.02, 1024}, ByMethod{Refinement::kAdaptive, 1e-4, 256}};
 
 SolveOptions OptionsOf(const Parameters& parameters, bool by_rays) {
   SolveOptions options;
   const ByMethod& by_method = kByMethod[static_cast<std::size_t>(parameters.method)];
   options.refinement = by_method.refinement;
+  options.direct_rays = by_method.direct_rays;
   options.a_min =
       parameters.oracle.a_min.value_or(std::clamp(by_method.a_min_per_error * parameters.error, 1e-8, 1e-2));
-  options.basis = parameters.basis;
+  options.basis = *parameters.basis;
   options.gradient = std::clamp(5 * parameters.error, 0.02, 1.0);
   options.f_max = parameters.oracle.f_max.value_or(std::clamp(parameters.error, 1e-3, 0.5));
   // The solution's error falls slower than W_min; constants leave more of it, and lose energy at slits.
   const double finer = std::min(1.0, std::sqrt(parameters.error / 0.02));
   // Where the gather asks rays instead of links, their own error is seen after one more reflection alone.
-  const double w_min_per_error = by_rays ? 0.03 : parameters.basis == BasisOrder::kConstant ? 0.01 : 0.02;
+  const double w_min_per_error = by_rays ? 0.03 : *parameters.basis == BasisOrder::kConstant ? 0.01 : 0.02;
   options.w_min =
       parameters.oracle.w_min.value_or(std::clamp(w_min_per_error * finer * parameters.error, 1e-8, 1e-2));
   options.tolerance = 0.02 * parameters.error;
@@ -121,6 +124,13 @@ bool WantsClusters(const Parameters& parameters, std::size_t patches) {
   constexpr std::size_t kMany = 400;
   return parameters.clustering == Clustering::kOn ||
          (parameters.clustering == Clustering::kAuto && patches > kMany);
+}
+
+/// Linear elements need the fewest links for their error, but not where patches below clusters are finer than
+/// the light requires; the other methods are what their papers describe.
+BasisOrder BasisOf(const Parameters& parameters, std::size_t patches) {
+  const bool linear = parameters.method == Method::kAdaptive && !WantsClusters(parameters, patches);
+  return parameters.basis.value_or(linear ? BasisOrder::kLinear : BasisOrder::kConstant);
 }
 
 /// Whether the final gather casts its rays around points instead of along links.
@@ -296,19 +306,21 @@ Baking BakeWithin(double budget, const Parameters& parameters, const Scene& scen
 
 }  // namespace
 
-BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const ProgressCallback& callback,
+BakeResult Bake(const gltf::Source& source, const Parameters& asked, const ProgressCallback& callback,
                 const gltf::Limits& limits) {
-  Watch watch(parameters, callback);
+  Watch watch(asked, callback);
   BakeResult result;
   Statistics& statistics = result.statistics;
-  statistics.parameters = parameters;
   Phases phases(watch, statistics);
 
   watch.Report("import", 0);
   gltf::Document document(source, limits);
-  document.SetEnvironment(parameters.environment);
+  document.SetEnvironment(asked.environment);
   const Scene& scene = document.scene();
   const Patches patches = CutIntoPatches(scene);
+  Parameters parameters = asked;
+  parameters.basis = BasisOf(asked, patches.surface_patches);
+  statistics.parameters = parameters;
   statistics.warnings = scene.warnings;
   statistics.scene.ignored = scene.ignored;
   statistics.scene.materials = scene.materials.size();

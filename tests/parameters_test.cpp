@@ -29,7 +29,7 @@ TEST(Parameters, TakeDefaultsForAnEmptyObject) {
   EXPECT_EQ(parameters.error, 0.02);
   EXPECT_FALSE(parameters.time_budget);
   EXPECT_EQ(parameters.method, Method::kAdaptive);
-  EXPECT_EQ(parameters.basis, BasisOrder::kConstant);
+  EXPECT_FALSE(parameters.basis);
   EXPECT_EQ(parameters.final_gather, FinalGather::kAuto);
   EXPECT_FALSE(parameters.exposure);
   EXPECT_TRUE((parameters.environment == 0).all());
@@ -84,8 +84,8 @@ TEST(Parameters, NameTheKeyAndWhatItTakesWhenAValueIsNotTaken) {
            {R"({"time_budget": true})", "time_budget", "seconds above 0"},
            {R"({"method": "best"})", "method", "matrix, two-level, hierarchical or adaptive"},
            {R"({"method": 1})", "method", "matrix, two-level, hierarchical or adaptive"},
-           {R"({"basis": "cubic"})", "basis", "takes constant, linear or quadratic"},
-           {R"({"basis": 1})", "basis", "takes constant, linear or quadratic"},
+           {R"({"basis": "cubic"})", "basis", "takes auto, constant, linear or quadratic"},
+           {R"({"basis": 1})", "basis", "takes auto, constant, linear or quadratic"},
            {R"({"clustering": "sometimes"})", "clustering", "auto, on or off"},
            {R"({"final_gather": true})", "final_gather", "auto, on or off"},
            {R"({"output": {"kind": "lightmap"}})", "output.kind", "takes vertex"},

@@ -173,15 +173,15 @@ bool Gatherer::IsUneven(Index shooter, double form_factor, const Look& look) con
   if (light_.open[shooter] < 1) {
     return true;
   }
-  if (light_.IsShaped(shooter)) {
-    return false;
-  }
-  // A leaf with a constant does not know how uneven it is; where it lies, its parent knows.
+  // A leaf does not know how uneven it is beyond its own constant or polynomial; where it lies, its parent
+  // knows.
   const Index parent = hierarchy_[shooter].parent;
-  double deviation = light_.variation[shooter];
+  double deviation = 0;
   if (parent != kNone) {
-    deviation = light_.variation[parent] +
-                std::abs(Luminance(light_.Shooting(shooter)) - Luminance(light_.Shooting(parent)));
+    deviation = light_.variation[parent];
+    if (!light_.IsShaped(shooter)) {
+      deviation += std::abs(Luminance(light_.Shooting(shooter)) - Luminance(light_.Shooting(parent)));
+    }
   }
   return form_factor * deviation > options_.uneven * look.scale;
 }

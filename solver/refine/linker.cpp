@@ -60,12 +60,26 @@ void Take(const SampledVisibility& sampled, Link& link) {
 
 }  // namespace
 
-Linker::Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibility_rays, BasisOrder order)
+Linker::Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibility_rays, int direct_rays,
+               BasisOrder order)
     : hierarchy_(hierarchy),
       visibility_(visibility),
       rays_(visibility_rays),
+      direct_rays_(direct_rays),
       tolerance_(FormFactorTolerance(hierarchy.patches())),
-      basis_(order) {}
+      basis_(order) {
+  for (Index root = 0; root < hierarchy.surface_root_count(); ++root) {
+    mean_emission_ +=
+        hierarchy[root].area / hierarchy.patches().area * Luminance(hierarchy.PatchOf(root).emission);
+  }
+}
+
+int Linker::RaysFrom(Index shooter) const {
+  const double most = direct_rays_ / rays_;
+  const double emission = Luminance(hierarchy_.PatchOf(shooter).emission);
+  const double times = emission < most * mean_emission_ ? emission / mean_emission_ : emission > 0 ? most : 1;
+  return rays_ * std::max(1, static_cast<int>(times));
+}
 
 template <typename Kernel>
 double Linker::Variation(Index receiver, const Vec3& nearest, const Kernel& kernel) const {
@@ -139,7 +153,8 @@ void Linker::MeasureElements(Link& link) const {
   if (link.clear) {
     link.visibility = link.judged = 1;
   } else {
-    Take(visibility_.BetweenElements(receiver, shooter, exchange_area, KeyOf(link), rays_), link);
+    Take(visibility_.BetweenElements(receiver, shooter, exchange_area, KeyOf(link), RaysFrom(link.shooter)),
+         link);
   }
 }
 

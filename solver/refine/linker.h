@@ -13,9 +13,11 @@ namespace radbake {
 class Linker {
  public:
   /// `visibility_rays`: cast for a link that no shaft proves clear; to and from clusters and lights half as
-  /// many, by which the link is judged, and twice as many if it is kept. `order`: of the basis, which says
-  /// what of the form factor's variation is left over.
-  Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibility_rays,
+  /// many, by which the link is judged, and twice as many if it is kept. From an element that emits more than
+  /// the mean of all surfaces as many times more, up to `direct_rays`: what it sends is known beforehand to
+  /// be most of the light. Both even. `order`: of the basis, which says what of the form factor's variation
+  /// is left over.
+  Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibility_rays, int direct_rays,
          BasisOrder order = BasisOrder::kConstant);
 
   /// Links every two patches that face one another, and each patch to every light; or, with clusters, the
@@ -46,11 +48,14 @@ class Linker {
   template <typename Kernel>
   double Variation(Index receiver, const Vec3& nearest, const Kernel& kernel) const;
   void Replace(const Link& link, Decision decision, std::vector<Link>& next);
+  int RaysFrom(Index shooter) const;
 
   Hierarchy& hierarchy_;
   const Visibility& visibility_;
   int rays_;
-  double tolerance_;  // of form factors
+  int direct_rays_;
+  double mean_emission_ = 0;  // of the surfaces, luminous
+  double tolerance_;          // of form factors
   Basis basis_;
   Links links_;
   std::vector<Source> sources_;  // while links are refined, of all that are carried or were

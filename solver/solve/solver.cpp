@@ -55,7 +55,7 @@ class Solver {
       : hierarchy_(hierarchy),
         visibility_(visibility),
         options_(options),
-        linker_(hierarchy, visibility, options.visibility_rays, options.basis) {
+        linker_(hierarchy, visibility, options.visibility_rays, options.direct_rays, options.basis) {
     solution_.light.basis = Basis(options.basis);
   }
 

@@ -28,7 +28,8 @@ struct SolveOptions {
   BasisOrder basis = BasisOrder::kConstant;
   IterationMethod iteration = IterationMethod::kKrylov;
   double tolerance = 1e-4;   ///< largest relative error of the radiosity that the iteration may leave
-  int visibility_rays = 32;  ///< even; see Linker
+  int visibility_rays = 32;  ///< see Linker
+  int direct_rays = 256;     ///< see Linker
   /// Called now and then while links are refined, and between sweeps or a few applications of the operator in
   /// an iteration; true ends the solve with what it has.
   std::function<bool(const Iteration&)> stop;

@@ -34,7 +34,7 @@ Size Link(const Patches& patches, double a_min) {
   const Visibility visibility(patches);
   // Visibility decides about no link of the static oracle, so few rays do.
   constexpr int kRays = 2;
-  Linker linker(hierarchy, visibility, kRays);
+  Linker linker(hierarchy, visibility, kRays, kRays);
   linker.LinkRoots();
   linker.Refine(HierarchicalOracle(a_min * patches.area, kFMax), {});
   Size size{.elements = static_cast<double>(hierarchy.size()),

@@ -40,7 +40,7 @@ struct Baked {
 
 inline Baked Bake(const Scene& scene, SolvedScene& solved) {
   GatherOptions gather;
-  gather.rays = 256;
+  gather.rays = 512;
   const Gatherer gatherer(solved.hierarchy, solved.solution.light, solved.solution.links, solved.visibility,
                           gather);
   OutputMesh mesh(solved.hierarchy, gatherer, solved.solution.links);

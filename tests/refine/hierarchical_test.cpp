@@ -64,7 +64,7 @@ Count LinkCornellBox(const Patches& patches, double a_min, double f_max) {
   Hierarchy hierarchy(patches);
   const Visibility visibility(patches);
   constexpr int kRays = 2;
-  Linker linker(hierarchy, visibility, kRays);
+  Linker linker(hierarchy, visibility, kRays, kRays);
   linker.LinkRoots();
   linker.Refine(HierarchicalOracle(a_min * patches.area, f_max), {});
   Count count;
