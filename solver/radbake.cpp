@@ -345,6 +345,7 @@ BakeResult Bake(const gltf::Source& source, const Parameters& asked, const Progr
 
   statistics.energy = baking.energy;
   statistics.iterations = std::move(baking.solution.iterations);
+  statistics.solve_bytes = baking.solution.bytes;
   statistics.estimated_error = baking.estimated_error;
   statistics.stopped_by = baking.stopped()                ? StoppedBy::kTimeBudget
                           : baking.end == MeshEnd::kLimit ? StoppedBy::kLimit

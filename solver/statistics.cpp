@@ -31,6 +31,16 @@ Json ToJson(const EnergyBalance& energy) {
           {"imbalance", energy.imbalance}};
 }
 
+Json MemoryToJson(const Statistics& statistics) {
+  const auto per = [](std::size_t bytes, std::size_t count) {
+    return count > 0 ? static_cast<double>(bytes) / static_cast<double>(count) : 0;
+  };
+  const Iteration last = statistics.iterations.empty() ? Iteration() : statistics.iterations.back();
+  return {{"peak_bytes", statistics.peak_bytes},
+          {"bytes_per_element", per(statistics.solve_bytes.elements, last.elements)},
+          {"bytes_per_link", per(statistics.solve_bytes.links, last.links)}};
+}
+
 Json TimeToJson(const std::vector<std::pair<std::string, double>>& seconds) {
   Json json = Json::object();
   double total = 0;
@@ -90,7 +100,7 @@ nlohmann::ordered_json ToJson(const Statistics& statistics) {
        {{"estimated", statistics.estimated_error},
         {"measured", statistics.measured ? ToJson(*statistics.measured) : Json()}}},
       {"time", TimeToJson(statistics.seconds)},
-      {"memory", {{"peak_bytes", statistics.peak_bytes}}},
+      {"memory", MemoryToJson(statistics)},
       {"rays",
        {{"count", statistics.rays}, {"seconds", statistics.ray_seconds}, {"share", std::move(ray_shares)}}},
       {"output",

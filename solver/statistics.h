@@ -33,6 +33,7 @@ struct Statistics {
   std::optional<CheckSummary> measured;  ///< nothing: `check` was 0 or there was no time for it
   std::vector<std::pair<std::string, double>> seconds;  ///< by phase, in the order they ran
   std::size_t peak_bytes = 0;                           ///< of the process
+  SolveBytes solve_bytes;                               ///< of the elements and links of the last iteration
   std::uint64_t rays = 0;                               ///< of the bake, without the check's
   double ray_seconds = 0;                               ///< thread-seconds inside Embree (RayCaster::Seconds)
   /// By phase that casts rays, and for these phases together ("all"): the share of the processor time of the
@@ -50,9 +51,9 @@ struct Statistics {
 /// {version, parameters, scene {triangles, patches, materials, lights, ignored [{feature, reason}]},
 ///  iterations [see below], energy {emitted, absorbed, absorbed_by_backs, escaped: [r, g, b] in lm;
 ///  imbalance}, error {estimated, measured: see below, or null}, time {each phase and total: s}, memory
-///  {peak_bytes}, rays {count, seconds, share {solve, energy, gather, all: of its processor time}}, output
-///  {vertices, triangles, exposure: per cd/m²}, stopped_by "error" | "time_budget" | "limit",
-///  warnings [string]}
+///  {peak_bytes, bytes_per_element, bytes_per_link: see SolveBytes}, rays {count, seconds, share {solve,
+///  energy, gather, all: of its processor time}}, output {vertices, triangles, exposure: per cd/m²},
+///  stopped_by "error" | "time_budget" | "limit", warnings [string]}
 nlohmann::ordered_json ToJson(const Statistics& statistics);
 
 /// {pass, sweeps, residual, elements, links, factors, rays, seconds}

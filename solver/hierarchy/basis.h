@@ -9,6 +9,7 @@
 
 #include "solver/hierarchy/basis_order.h"
 #include "solver/hierarchy/hierarchy.h"
+#include "solver/scene/bytes.h"
 #include "solver/scene/quadrature.h"
 
 namespace radbake {
@@ -56,6 +57,9 @@ class Basis {
   std::span<const double> TwoScale(Index child) const {
     return std::span(two_scale_).subspan(count_ * count_ * child, count_ * count_);
   }
+
+  /// Of memory.
+  std::size_t Bytes() const { return BytesOf(elements_) + BytesOf(two_scale_); }
 
  private:
   std::size_t count_;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "solver/scene/bytes.h"
+
 namespace radbake {
 namespace {
 
@@ -163,6 +165,11 @@ Index Hierarchy::MidVertex(Index vertex_a, Index vertex_b) {
     at->second = AddVertex(position->second);
   }
   return at->second;
+}
+
+std::size_t Hierarchy::Bytes() const {
+  return BytesOf(elements_) + BytesOf(positions_) + BytesOf(position_of_) + BytesOf(mid_position_) +
+         BytesOf(mid_vertex_);
 }
 
 Index Hierarchy::AddChild(Index parent, const std::array<Index, 4>& corner) {

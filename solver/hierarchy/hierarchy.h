@@ -72,6 +72,9 @@ class Hierarchy {
   /// The vertex halfway between two vertices of one surface, made if it is not there yet.
   Index MidVertex(Index vertex_a, Index vertex_b);
 
+  /// Of memory that grows with the elements: not those of the clusters.
+  std::size_t Bytes() const;
+
  private:
   Index AddPosition(const Vec3& point);
   Index AddVertex(Index position);

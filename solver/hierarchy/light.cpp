@@ -186,6 +186,11 @@ void Light::PullOpen(const Hierarchy& hierarchy) {
   });
 }
 
+std::size_t Light::Bytes() const {
+  return basis.Bytes() + BytesOf(radiosity) + BytesOf(irradiance) + BytesOf(variation) + BytesOf(open) +
+         BytesOf(seen_as) + BytesOf(shooting_coefficients) + BytesOf(lighting_coefficients);
+}
+
 void Light::Extend(const Hierarchy& hierarchy) {
   const std::size_t count = basis.count();
   if (count > 1) {

@@ -103,6 +103,9 @@ struct Light {
   /// and open, until the solver has looked.
   void Extend(const Hierarchy& hierarchy);
 
+  /// Of memory that grows with the elements: not those by cluster.
+  std::size_t Bytes() const;
+
  private:
   void PullElement(const Hierarchy& hierarchy, Index element);
   double DeviationOfChild(Index parent, Index child) const;

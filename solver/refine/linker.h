@@ -32,6 +32,8 @@ class Linker {
   const Links& links() const { return links_; }
   /// Form factors computed so far, those of links that were replaced or that carry nothing too.
   std::size_t measured() const { return measured_; }
+  /// Of memory that grows with the elements, beside what the hierarchy holds itself.
+  std::size_t BytesOfElements() const { return basis_.Bytes(); }
 
  private:
   /// Form factor and visibility of a link whose ends are set; one that carries nothing has form_factor 0.

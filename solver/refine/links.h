@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "solver/hierarchy/hierarchy.h"
+#include "solver/scene/bytes.h"
 
 namespace radbake {
 
@@ -50,6 +51,9 @@ class Links {
     }
     return std::span(links_).subspan(begin_[row], begin_[row + 1] - begin_[row]);
   }
+
+  /// Of memory.
+  std::size_t Bytes() const { return BytesOf(links_) + BytesOf(begin_) + BytesOf(sources_); }
 
  private:
   /// Clusters first: their number never changes.

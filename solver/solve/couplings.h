@@ -22,6 +22,9 @@ class Couplings {
   /// element.
   void Gather(const Links& links, Index element, std::span<const Rgb> shooting, Coefficients gathered) const;
 
+  /// Of memory.
+  std::size_t Bytes() const { return BytesOf(couplings_); }
+
  private:
   std::size_t count_;
   std::vector<float> couplings_;  // by link

@@ -26,6 +26,9 @@ struct IterationOptions {
 Convergence IterateByKrylov(const RadiosityOperator& radiosity_operator, const IterationOptions& options,
                             Light& light);
 
+/// Of memory, what it holds at most beside the operator.
+std::size_t BytesOfIteration(const RadiosityOperator& radiosity_operator);
+
 /// The same by gathering sweeps (Hanrahan 1991: SolveHR), which is Jacobi's iteration: the error falls by
 /// about the mean reflectance each sweep, so the geometric series of residuals says what is left.
 Convergence IterateBySweeps(const RadiosityOperator& radiosity_operator, const IterationOptions& options,

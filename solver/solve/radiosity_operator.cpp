@@ -70,6 +70,17 @@ LeafValues RadiosityOperator::Radiosity(const Light& light) const {
   return radiosity;
 }
 
+std::size_t RadiosityOperator::BytesOfElements() const {
+  const auto held =
+      static_cast<std::size_t>(emission_.size() + distant_.size() + reflectance_.size() + areas_.size());
+  const std::size_t polynomials = count_ > 1 ? 2 * count_ : 0;  // of what shoots, and of what is gathered
+  return held * sizeof(double) + (1 + polynomials) * hierarchy_.size() * sizeof(Rgb);
+}
+
+std::size_t RadiosityOperator::BytesOfLinks() const {
+  return hierarchy_.clusters().empty() ? 0 : links_.size() * sizeof(Rgb);
+}
+
 RadiosityOperator::Shooters RadiosityOperator::Distant() const {
   Shooters shooters;
   shooters.elements.assign(hierarchy_.size(), Rgb::Zero());

@@ -48,6 +48,10 @@ class RadiosityOperator {
   /// polynomials that do so are flattened.
   void Store(const LeafValues& irradiance, Light& light) const;
 
+  /// Of memory, what it holds and what one application needs beside it.
+  std::size_t BytesOfElements() const;
+  std::size_t BytesOfLinks() const;
+
  private:
   struct Shooters {
     std::vector<Rgb> elements;      // radiosity of the open part

@@ -55,6 +55,11 @@ class Rows {
     return std::span(moments_).subspan(shapes_ * begin_[k], shapes_ * (begin_[k + 1] - begin_[k]));
   }
 
+  /// Of memory.
+  std::size_t Bytes() const {
+    return BytesOf(leaves_) + BytesOf(begin_) + BytesOf(entries_) + BytesOf(moments_);
+  }
+
  private:
   /// From a leaf's points.
   struct Seen {

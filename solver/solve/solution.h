@@ -20,6 +20,12 @@ struct Iteration {
   double seconds = 0;       ///< since the solve began
 };
 
+/// Bytes of memory that a solve holds at its last iteration.
+struct SolveBytes {
+  std::size_t elements = 0;  ///< all that grows with them: themselves, their light, the iteration's vectors
+  std::size_t links = 0;     ///< the same of links: their sources, the rows and couplings made of them
+};
+
 /// Luminous power in lm, by channel. `escaped`, `absorbed_by_backs` and what lights without area and the sky
 /// emit are counted by rays that know nothing of links, so the imbalance measures the links' form factors and
 /// visibility, not only the convergence.

@@ -147,7 +147,9 @@ class Solver {
   void Iterate(double tolerance) {
     const Rows rows(hierarchy_, linker_.links(), solution_.light);
     const Couplings couplings(hierarchy_, linker_.links(), solution_.light);
-    Iterate(RadiosityOperator(hierarchy_, linker_.links(), rows, couplings, solution_.light), tolerance);
+    const RadiosityOperator radiosity_operator(hierarchy_, linker_.links(), rows, couplings, solution_.light);
+    Iterate(radiosity_operator, tolerance);
+    Count(radiosity_operator, rows.Bytes() + couplings.Bytes());
   }
 
   /// The patches' radiosities first, then the elements' from those. Patches with polynomials are what their
@@ -164,6 +166,13 @@ class Solver {
             options_.tolerance);
     const RadiosityOperator on_elements(hierarchy_, linker_.links(), elements, couplings, solution_.light);
     on_elements.Store(on_elements.Gather(on_elements.Radiosity(solution_.light)), solution_.light);
+    Count(on_elements, elements.Bytes() + patches.Bytes() + couplings.Bytes());
+  }
+
+  void Count(const RadiosityOperator& radiosity_operator, std::size_t of_rows) {
+    solution_.bytes.elements = hierarchy_.Bytes() + solution_.light.Bytes() + linker_.BytesOfElements() +
+                               radiosity_operator.BytesOfElements() + BytesOfIteration(radiosity_operator);
+    solution_.bytes.links = linker_.links().Bytes() + of_rows + radiosity_operator.BytesOfLinks();
   }
 
   void Iterate(const RadiosityOperator& radiosity_operator, double tolerance) {

@@ -39,6 +39,7 @@ struct Solution {
   Light light;
   Links links;
   std::vector<Iteration> iterations;
+  SolveBytes bytes;
   bool stopped = false;  ///< by `stop`
 };
 
