@@ -10,7 +10,7 @@ namespace radbake::server {
 namespace {
 
 bool OutOfMemory(const ChildEnd& end) {
-  return end.exit_code == kFailed && Reason(end) == "out of memory";
+  return end.exit_code == kFailed && Reason(end).starts_with("out of memory");
 }
 
 }  // namespace

@@ -1,26 +1,24 @@
 #include "solver/radbake.h"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
-#include <ctime>
+#include <new>
+#include <sstream>
 #include <utility>
 
 #include "solver/bake/emit.h"
 #include "solver/bake/output_mesh.h"
 #include "solver/check/check.h"
 #include "solver/hierarchy/hierarchy.h"
+#include "solver/memory.h"
 #include "solver/scene/patches.h"
 #include "solver/solve/energy.h"
 #include "solver/solve/solver.h"
+#include "solver/watch.h"
 
 namespace radbake {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 // Where each phase ends in the whole bake, as the progress shows it.
 constexpr double kImported = 0.02;
@@ -33,58 +31,6 @@ constexpr double kSolveShare = 0.4;
 constexpr double kGatherShare = 0.75;
 constexpr double kGatherShareUnchecked = 0.92;
 constexpr double kCheckShare = 0.95;
-
-std::size_t PeakBytes() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<std::size_t>(usage.ru_maxrss) * 1024;
-}
-
-/// Of all threads of the process, so far. Unlike the time on the wall it knows no other process.
-double ProcessorSeconds() {
-  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-}
-
-/// Tells the caller, keeps the clock, and decides when time is up.
-class Watch {
- public:
-  Watch(const Parameters& parameters, const ProgressCallback& callback)
-      : budget_(parameters.time_budget), callback_(callback) {}
-
-  double Seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
-
-  /// Reports, but not more often than a few times a second within one phase. Throws Interrupted.
-  void Report(std::string_view phase, double fraction) {
-    progress_.seconds = Seconds();
-    progress_.fraction = std::max(progress_.fraction, fraction);
-    constexpr double kInterval = 0.1;
-    if (callback_ &&
-        (phase != progress_.phase || fraction >= 1 || progress_.seconds >= last_report_ + kInterval)) {
-      progress_.phase = phase;
-      last_report_ = progress_.seconds;
-      if (callback_(progress_) == Continue::kStop) {
-        throw Interrupted();
-      }
-    }
-  }
-
-  bool Beyond(double share) const { return budget_ && Seconds() > share * *budget_; }
-  Progress& progress() { return progress_; }
-
-  /// Seconds since the last call: the phase that just ended.
-  double Lap() {
-    const double now = Seconds();
-    return now - std::exchange(lap_, now);
-  }
-
- private:
-  std::optional<double> budget_;
-  const ProgressCallback& callback_;
-  Progress progress_;
-  Clock::time_point start_ = Clock::now();
-  double last_report_ = -1;
-  double lap_ = 0;
-};
 
 /// By Method: how its smallest elements' share of the scene's area follows from `error`. Fitted so that what
 /// the elements' constants leave in the final irradiance is a small part of the target. kAdaptive: it only
@@ -166,67 +112,43 @@ GatherOptions GatherOptionsOf(const Parameters& parameters, bool by_rays) {
   return options;
 }
 
-/// Adds up where time goes, by phase.
-class Phases {
- public:
-  Phases(Watch& watch, Statistics& statistics) : watch_(watch), statistics_(statistics) {}
-
-  /// What was done since the last end.
-  void End(const char* name) { Sum(statistics_.seconds, name) += watch_.Lap(); }
-
-  void EndOfRays(const char* name, double ray_seconds) {
-    End(name);
-    const double before = std::exchange(processor_seconds_, ProcessorSeconds());
-    const double rays_before = std::exchange(statistics_.ray_seconds, ray_seconds);
-    Sum(processor_, name) += processor_seconds_ - before;
-    Sum(rays_, name) += ray_seconds - rays_before;
-  }
-
-  void Finish() {
-    double all = 0;
-    double all_rays = 0;
-    for (const auto& [name, spent] : processor_) {
-      statistics_.ray_shares.emplace_back(name, spent > 0 ? Sum(rays_, name) / spent : 0);
-      all += spent;
-      all_rays += Sum(rays_, name);
-    }
-    statistics_.ray_shares.emplace_back("all", all > 0 ? all_rays / all : 0);
-  }
-
- private:
-  using Sums = std::vector<std::pair<std::string, double>>;
-  static double& Sum(Sums& sums, const std::string& name) {
-    const auto found = std::ranges::find(sums, name, &Sums::value_type::first);
-    return found != sums.end() ? found->second : sums.emplace_back(name, 0.0).second;
-  }
-
-  Watch& watch_;
-  Statistics& statistics_;
-  double processor_seconds_ = ProcessorSeconds();
-  Sums processor_;
-  Sums rays_;
+/// All that a bake goes by.
+struct Setting {
+  const Parameters& parameters;
+  const Scene& scene;
+  const Patches& patches;
+  const Visibility& visibility;
+  Watch& watch;
+  Phases& phases;
+  MemoryBudget& memory;
 };
 
 /// What asking for one error gives.
 struct Baking {
-  Solution solution;
+  double error = 0;  ///< asked for
+  std::vector<Iteration> iterations;
+  SolveBytes bytes;
+  std::size_t most_bytes = 0;  ///< of memory, counted
   EnergyBalance energy;
   BakedScene output;
   double estimated_error = 0;
   MeshEnd end = MeshEnd::kError;
+  bool solve_stopped = false;
+  bool memory_bound = false;  ///< a finer one would have passed the limit
 
-  bool stopped() const { return solution.stopped || end == MeshEnd::kStopped; }
+  bool stopped() const { return solve_stopped || end == MeshEnd::kStopped; }
 };
 
 /// Solves and gathers. What would not be done within these shares of the time budget stops, and is as good as
-/// the time was.
-Baking BakeTo(double error, double solve_share, double gather_share, const Parameters& parameters,
-              const Scene& scene, const Patches& patches, const Visibility& visibility, Watch& watch,
-              Phases& phases) {
+/// the time was. `beside`: bytes that are held meanwhile. Throws BeyondMemory.
+Baking BakeTo(double error, double solve_share, double gather_share, const Setting& setting,
+              std::size_t beside = 0) {
+  const auto& [parameters, scene, patches, visibility, watch, phases, memory] = setting;
   Parameters asked = parameters;
   asked.error = error;
   const double part = parameters.error / error;
   Baking baking;
+  baking.error = error;
   const bool by_rays = WantsRaysAround(asked, patches.surface_patches);
   Hierarchy hierarchy(patches, WantsClusters(asked, patches.surface_patches));
   SolveOptions solve_options = OptionsOf(asked, by_rays);
@@ -237,14 +159,17 @@ Baking BakeTo(double error, double solve_share, double gather_share, const Param
                                           (1 - std::pow(0.7, static_cast<double>(iteration.pass))));
     return watch.Beyond(solve_share);
   };
-  baking.solution = Solve(hierarchy, visibility, solve_options);
+  solve_options.hold = [&](std::size_t bytes) { memory.Check(beside + bytes); };
+  const Solution solution = Solve(hierarchy, visibility, solve_options);
   phases.EndOfRays("solve", visibility.Counted().seconds);
-  baking.energy = BalanceEnergy(hierarchy, baking.solution.light, visibility);
+  baking.energy = BalanceEnergy(hierarchy, solution.light, visibility);
   phases.EndOfRays("energy", visibility.Counted().seconds);
 
-  const Gatherer gatherer(hierarchy, baking.solution.light, baking.solution.links, visibility,
+  const Gatherer gatherer(hierarchy, solution.light, solution.links, visibility,
                           GatherOptionsOf(asked, by_rays));
-  OutputMesh mesh(hierarchy, gatherer, baking.solution.links);
+  const std::size_t solved = beside + solution.light.Bytes() + solution.links.Bytes();
+  OutputMesh mesh(hierarchy, gatherer, solution.links,
+                  [&](std::size_t bytes) { memory.Check(solved + bytes); });
   if (parameters.final_gather == FinalGather::kOff) {
     mesh.TakeSolution();
   } else {
@@ -259,8 +184,49 @@ Baking BakeTo(double error, double solve_share, double gather_share, const Param
   }
   baking.output = Emit(hierarchy, mesh, scene.surfaces.size(), parameters.exposure);
   baking.estimated_error = std::hypot(mesh.error(), mesh.noise(), kLeftBySolution * error);
+  baking.iterations = solution.iterations;
+  baking.bytes = solution.bytes;
+  baking.solve_stopped = solution.stopped;
+  baking.most_bytes = memory.TakeMost();
   phases.EndOfRays("gather", visibility.Counted().seconds);
   return baking;
+}
+
+/// The same, or to the next coarser error that the memory allows. Throws OutOfMemory if there is none.
+Baking BakeInMemory(double error, double solve_share, double gather_share, const Setting& setting) {
+  constexpr double kCoarsest = 0.5;
+  constexpr double kCoarser = 2;
+  for (double next = error;; next = std::min(kCoarsest, kCoarser * next)) {
+    try {
+      Baking baking = BakeTo(next, solve_share, gather_share, setting);
+      baking.memory_bound = next > error;
+      return baking;
+    } catch (const BeyondMemory& beyond) {
+      setting.phases.EndOfRays("solve", setting.visibility.Counted().seconds);
+      if (next >= kCoarsest) {
+        throw OutOfMemory(beyond.bytes, setting.memory.limit());
+      }
+    }
+  }
+}
+
+/// Says to what a bake was coarsened, and what the asked error would have needed.
+std::string MemoryWarning(const Baking& baking, double asked, const MemoryBudget& memory) {
+  // What was there before anything was divided stays; the rest grows about as the error falls.
+  const double undivided =
+      static_cast<double>(memory.base()) + static_cast<double>(baking.bytes.elements) *
+                                               static_cast<double>(baking.iterations.front().elements) /
+                                               static_cast<double>(baking.iterations.back().elements);
+  const auto most = static_cast<double>(baking.most_bytes);
+  const double needed = most + std::max(0.0, most - undivided) * (baking.error / asked - 1);
+  const auto percent = [](double error) {
+    std::ostringstream text;
+    text << 100 * error << " %";
+    return text.str();
+  };
+  return "an error of " + percent(asked) + " would have needed about " +
+         BytesInWords(std::max(static_cast<std::size_t>(needed), memory.limit())) + " of memory; baked to " +
+         percent(baking.error) + " within the limit of " + BytesInWords(memory.limit());
 }
 
 /// The error that is likely to take `seconds`, after one that took `last_seconds`.
@@ -270,44 +236,63 @@ double AffordableError(double last_error, double last_seconds, double seconds) {
   return last_error * std::pow(last_seconds / seconds, kExponent);
 }
 
+std::size_t BytesOfOutput(const BakedScene& scene) {
+  std::size_t bytes = 0;
+  for (const BakedSurface& surface : scene.surfaces) {
+    for (const BakedMesh* side : {&surface.front, &surface.back}) {
+      bytes += BytesOf(side->vertices) + BytesOf(side->triangles);
+    }
+  }
+  return bytes;
+}
+
 /// The best that a time budget allows: a coarse baking that is soon done, or cut off, and finer ones as long
 /// as they are likely to be done.
-Baking BakeWithin(double budget, const Parameters& parameters, const Scene& scene, const Patches& patches,
-                  const Visibility& visibility, Watch& watch, Phases& phases) {
+Baking BakeWithin(double budget, const Setting& setting) {
   constexpr double kCoarsest = 0.3;
   constexpr double kSafe = 0.6;   // of the time that is left, what is planned with
   constexpr double kWorth = 0.8;  // of the last error, what is worth another baking
+  const Parameters& parameters = setting.parameters;
   const double gather_share = parameters.check > 0 ? kGatherShare : kGatherShareUnchecked;
-  double error = std::max(kCoarsest, parameters.error);
-  double begin = watch.Seconds();
-  Baking best =
-      BakeTo(error, kSolveShare, gather_share, parameters, scene, patches, visibility, watch, phases);
-  while (!best.stopped() && best.end == MeshEnd::kError && error > parameters.error) {
-    const double now = watch.Seconds();
+  double begin = setting.watch.Seconds();
+  Baking best = BakeInMemory(std::max(kCoarsest, parameters.error), kSolveShare, gather_share, setting);
+  while (!best.stopped() && !best.memory_bound && best.end == MeshEnd::kError &&
+         best.error > parameters.error) {
+    const double now = setting.watch.Seconds();
     const double left = gather_share * budget - now;
     const double next =
-        left > 0 ? std::max(parameters.error, AffordableError(error, now - begin, kSafe * left)) : error;
-    if (next > kWorth * error && next > parameters.error) {
-      best.solution.stopped = true;
+        left > 0 ? std::max(parameters.error, AffordableError(best.error, now - begin, kSafe * left))
+                 : best.error;
+    if (next > kWorth * best.error && next > parameters.error) {
+      best.solve_stopped = true;
       break;
     }
-    error = next;
     begin = now;
-    Baking finer =
-        BakeTo(error, gather_share, gather_share, parameters, scene, patches, visibility, watch, phases);
-    if (finer.stopped()) {
-      best.solution.stopped = true;
-      break;
+    try {
+      Baking finer = BakeTo(next, gather_share, gather_share, setting, BytesOfOutput(best.output));
+      if (finer.stopped()) {
+        best.solve_stopped = true;
+      } else {
+        best = std::move(finer);
+      }
+    } catch (const BeyondMemory&) {
+      setting.phases.EndOfRays("solve", setting.visibility.Counted().seconds);
+      best.memory_bound = true;
     }
-    best = std::move(finer);
   }
   return best;
 }
 
-}  // namespace
+std::size_t InputBytes(const gltf::Source& source) {
+  std::size_t bytes = source.bytes.size();
+  for (const auto& [uri, resource] : source.resources) {
+    bytes += resource.size();
+  }
+  return bytes;
+}
 
-BakeResult Bake(const gltf::Source& source, const Parameters& asked, const ProgressCallback& callback,
-                const gltf::Limits& limits) {
+BakeResult BakeAll(const gltf::Source& source, const Parameters& asked, const ProgressCallback& callback,
+                   const gltf::Limits& limits, std::size_t memory_limit) {
   Watch watch(asked, callback);
   BakeResult result;
   Statistics& statistics = result.statistics;
@@ -334,34 +319,45 @@ BakeResult Bake(const gltf::Source& source, const Parameters& asked, const Progr
   statistics.scene.lights += scene.lights.size() + ((scene.environment > 0).any() ? 1U : 0U);
   phases.End("import");
 
+  MemoryBudget memory(memory_limit, InputBytes(source), patches);
+  if (memory.base() > memory_limit) {
+    throw OutOfMemory(memory.base(), memory_limit);
+  }
+  statistics.memory_limit = memory_limit;
+
   watch.Report("solve", kImported);
-  const Visibility visibility(patches);
-  Baking baking =
-      parameters.time_budget
-          ? BakeWithin(*parameters.time_budget, parameters, scene, patches, visibility, watch, phases)
-          : BakeTo(parameters.error, 1, 1, parameters, scene, patches, visibility, watch, phases);
-  const BakedScene& baked = baking.output;
+  std::optional<Visibility> visibility(std::in_place, patches);
+  const Setting setting{parameters, scene, patches, *visibility, watch, phases, memory};
+  Baking baking = parameters.time_budget ? BakeWithin(*parameters.time_budget, setting)
+                                         : BakeInMemory(parameters.error, 1, 1, setting);
+  if (baking.memory_bound) {
+    statistics.warnings.push_back(MemoryWarning(baking, parameters.error, memory));
+  }
   phases.Finish();
 
   statistics.energy = baking.energy;
-  statistics.iterations = std::move(baking.solution.iterations);
-  statistics.solve_bytes = baking.solution.bytes;
+  statistics.iterations = std::move(baking.iterations);
+  statistics.solve_bytes = baking.bytes;
   statistics.estimated_error = baking.estimated_error;
-  statistics.stopped_by = baking.stopped()                ? StoppedBy::kTimeBudget
+  statistics.stopped_by = baking.memory_bound             ? StoppedBy::kLimit
+                          : baking.stopped()              ? StoppedBy::kTimeBudget
                           : baking.end == MeshEnd::kLimit ? StoppedBy::kLimit
                                                           : StoppedBy::kError;
-  statistics.rays = visibility.Counted().rays;
-  for (const BakedSurface& surface : baked.surfaces) {
+  statistics.rays = visibility->Counted().rays;
+  for (const BakedSurface& surface : baking.output.surfaces) {
     for (const BakedMesh* side : {&surface.front, &surface.back}) {
       statistics.output.vertices += side->vertices.size();
       statistics.output.triangles += side->triangles.size();
     }
   }
-  statistics.output.exposure = baked.exposure;
+  statistics.output.exposure = baking.output.exposure;
 
   watch.progress().error = statistics.estimated_error;
   watch.Report("export", kGathered);
-  result.glb = document.Export(baked);
+  // What follows needs the room.
+  visibility.reset();
+  result.glb = document.Export(baking.output);
+  baking.output = {};
   phases.End("export");
 
   watch.Report("check", kExported);
@@ -378,6 +374,18 @@ BakeResult Bake(const gltf::Source& source, const Parameters& asked, const Progr
   watch.Report("check", 1);
   statistics.peak_bytes = PeakBytes();
   return result;
+}
+
+}  // namespace
+
+BakeResult Bake(const gltf::Source& source, const Parameters& parameters, const ProgressCallback& callback,
+                const gltf::Limits& limits, std::optional<std::size_t> memory_limit) {
+  const std::size_t limit = memory_limit.value_or(FreeMemory());
+  try {
+    return BakeAll(source, parameters, callback, limits, limit);
+  } catch (const std::bad_alloc&) {
+    throw OutOfMemory(PeakBytes(), limit);
+  }
 }
 
 }  // namespace radbake

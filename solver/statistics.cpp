@@ -36,7 +36,8 @@ Json MemoryToJson(const Statistics& statistics) {
     return count > 0 ? static_cast<double>(bytes) / static_cast<double>(count) : 0;
   };
   const Iteration last = statistics.iterations.empty() ? Iteration() : statistics.iterations.back();
-  return {{"peak_bytes", statistics.peak_bytes},
+  return {{"limit_bytes", statistics.memory_limit},
+          {"peak_bytes", statistics.peak_bytes},
           {"bytes_per_element", per(statistics.solve_bytes.elements, last.elements)},
           {"bytes_per_link", per(statistics.solve_bytes.links, last.links)}};
 }

@@ -32,6 +32,7 @@ struct Statistics {
   double estimated_error = 0;            ///< the bake's own estimate of its relative RMS error
   std::optional<CheckSummary> measured;  ///< nothing: `check` was 0 or there was no time for it
   std::vector<std::pair<std::string, double>> seconds;  ///< by phase, in the order they ran
+  std::size_t memory_limit = 0;                         ///< bytes
   std::size_t peak_bytes = 0;                           ///< of the process
   SolveBytes solve_bytes;                               ///< of the elements and links of the last iteration
   std::uint64_t rays = 0;                               ///< of the bake, without the check's
@@ -51,8 +52,8 @@ struct Statistics {
 /// {version, parameters, scene {triangles, patches, materials, lights, ignored [{feature, reason}]},
 ///  iterations [see below], energy {emitted, absorbed, absorbed_by_backs, escaped: [r, g, b] in lm;
 ///  imbalance}, error {estimated, measured: see below, or null}, time {each phase and total: s}, memory
-///  {peak_bytes, bytes_per_element, bytes_per_link: see SolveBytes}, rays {count, seconds, share {solve,
-///  energy, gather, all: of its processor time}}, output {vertices, triangles, exposure: per cd/m²},
+///  {limit_bytes, peak_bytes, bytes_per_element, bytes_per_link: see SolveBytes}, rays {count, seconds, share
+///  {solve, energy, gather, all: of its processor time}}, output {vertices, triangles, exposure: per cd/m²},
 ///  stopped_by "error" | "time_budget" | "limit", warnings [string]}
 nlohmann::ordered_json ToJson(const Statistics& statistics);
 

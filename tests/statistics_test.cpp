@@ -26,7 +26,8 @@ TEST(Statistics, WriteEveryPartOfTheContractInItsOrder) {
   EXPECT_EQ(Keys(json["scene"]), (Names{"triangles", "patches", "materials", "lights", "ignored"}));
   EXPECT_EQ(Keys(json["iterations"][0]),
             (Names{"pass", "sweeps", "residual", "elements", "links", "factors", "rays", "seconds"}));
-  EXPECT_EQ(Keys(json["memory"]), (Names{"peak_bytes", "bytes_per_element", "bytes_per_link"}));
+  EXPECT_EQ(Keys(json["memory"]),
+            (Names{"limit_bytes", "peak_bytes", "bytes_per_element", "bytes_per_link"}));
   EXPECT_EQ(Keys(json["energy"]),
             (Names{"emitted", "absorbed", "absorbed_by_backs", "escaped", "imbalance"}));
   EXPECT_EQ(Keys(json["error"]["measured"]), (Names{"relative_rms", "low", "high", "bias", "bias_interval",
@@ -46,6 +47,7 @@ TEST(Statistics, WriteTheValuesWhereTheyBelong) {
   statistics.measured->error = 0.03125;
   statistics.measured->error_low = 0.03;
   statistics.seconds = {{"solve", 1.5}, {"import", 0.25}};
+  statistics.memory_limit = 5000;
   statistics.peak_bytes = 1000;
   statistics.solve_bytes = {.elements = 300, .links = 1000};
   statistics.rays = 99;
@@ -66,7 +68,8 @@ TEST(Statistics, WriteTheValuesWhereTheyBelong) {
   EXPECT_EQ(json["error"]["measured"]["relative_rms"], 0.03125);
   EXPECT_EQ(json["error"]["measured"]["low"], 0.03);
   EXPECT_EQ(json["time"].dump(), R"({"solve":1.5,"import":0.25,"total":1.75})");
-  EXPECT_EQ(json["memory"].dump(), R"({"peak_bytes":1000,"bytes_per_element":100.0,"bytes_per_link":250.0})");
+  EXPECT_EQ(json["memory"].dump(),
+            R"({"limit_bytes":5000,"peak_bytes":1000,"bytes_per_element":100.0,"bytes_per_link":250.0})");
   EXPECT_EQ(json["rays"].dump(), R"({"count":99,"seconds":0.75,"share":{"solve":0.25,"gather":0.5}})");
   EXPECT_EQ(json["output"]["vertices"], 11);
   EXPECT_EQ(json["stopped_by"], "time_budget");

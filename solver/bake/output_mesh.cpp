@@ -88,9 +88,10 @@ struct Meeting {
 
 }  // namespace
 
-OutputMesh::OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Links& links)
+OutputMesh::OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Links& links, Hold hold)
     : hierarchy_(hierarchy),
       gatherer_(gatherer),
+      hold_(std::move(hold)),
       lit_(hierarchy.surface_root_count(), false),
       cut_(hierarchy.surface_root_count()) {
   for (const Link& link : links.all()) {
@@ -113,7 +114,25 @@ void OutputMesh::GrowWithHierarchy() {
   at_centre_.resize(hierarchy_.size());
 }
 
+void OutputMesh::Tell() const {
+  // Of an element of the cut: itself and its vertices around, both twice; where they meet, while they are
+  // gathered; its error and its place among them; and as it is emitted a vertex, by which it is found, and
+  // two triangles. What grows by pushing back may have twice the room.
+  constexpr std::size_t kLoop = sizeof(Index) + sizeof(Loop) + 8 * sizeof(Index) + 2 * sizeof(std::size_t);
+  constexpr std::size_t kMeetings = 2 * 5 * sizeof(Meeting);
+  constexpr std::size_t kPlace = 2 * (sizeof(double) + sizeof(std::size_t));
+  constexpr std::size_t kEmitted = 2 * (sizeof(BakedVertex) + 2 * sizeof(Triangle)) + 6 * sizeof(void*);
+  if (hold_) {
+    hold_(hierarchy_.Bytes() + BytesOf(at_vertex_) + BytesOf(at_centre_) +
+          cut_.size() * (2 * kLoop + kMeetings + kPlace + kEmitted));
+  }
+}
+
 void OutputMesh::Divide(Index element) {
+  constexpr std::size_t kOften = 4096;
+  if (hierarchy_.size() % kOften < 4) {
+    Tell();
+  }
   const Index first = hierarchy_.Divide(element);
   GrowWithHierarchy();
   if (hierarchy_.DivisionOf(element) == Division::kSquare && at_centre_[element].gathered) {
@@ -149,6 +168,7 @@ void OutputMesh::WalkEdge(Index from, Index to, Loop& loop) {
 }
 
 void OutputMesh::WalkEdges() {
+  Tell();
   used_.clear();
   for (const Index e : cut_) {
     const Element& element = hierarchy_[e];

@@ -37,7 +37,8 @@ class OutputMesh {
   using Loop =
       std::vector<Index>;  ///< vertices around an element, counter-clockwise, beginning at its corner 0
 
-  OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Links& links);
+  /// `hold` is told of the hierarchy and of the mesh, with what it takes to emit it.
+  OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Links& links, Hold hold = {});
 
   /// Divides the elements whose centre is farthest from what their corners interpolate to, worst first, until
   /// the estimated error of the whole is below the target. What is stopped before the input's own vertices
@@ -78,6 +79,7 @@ class OutputMesh {
   /// Those above `area`, and above `near_area` where something stands on them.
   void DivideUnseen(double area, double near_area);
   void Divide(Index element);
+  void Tell() const;
   void WalkEdges();
   void WalkEdge(Index from, Index to, Loop& loop);
   enum class Source { kRays, kSolution };
@@ -93,6 +95,7 @@ class OutputMesh {
 
   Hierarchy& hierarchy_;
   const Gatherer& gatherer_;
+  Hold hold_;
   std::vector<bool> lit_;  // by patch: some link leads into it, or it lies under another
   std::vector<Index> cut_;
   std::vector<Loop> loops_;

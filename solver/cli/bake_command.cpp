@@ -89,6 +89,13 @@ BakeCommand::BakeCommand(CLI::App& app)
       ->check(CLI::Range(1, kMostThreads))
       ->type_name("N");
   command_
+      ->add_option("--memory-limit", memory_limit_,
+                   "bytes that the process may take, or such as 400MB or 2GiB (default: what the machine has "
+                   "free); where this is too little the bake is coarser, with a warning")
+      ->transform(CLI::AsSizeValue(true))
+      ->check(CLI::Range(1.0, 1e18))
+      ->type_name("BYTES");
+  command_
       ->add_option("--progress", progress_,
                    "auto (a bar on a terminal), json (an object a line on standard output) or none")
       ->check(CLI::IsMember({"auto", "json", "none"}))
@@ -153,7 +160,7 @@ void BakeCommand::Run() const {
             display.Show(progress);
             return Continue::kYes;
           },
-          limits_);
+          limits_, memory_limit_);
     });
   }();
 

@@ -33,6 +33,7 @@ class BakeCommand {
   std::string parameters_file_;
   std::string statistics_file_;
   std::optional<int> threads_;
+  std::optional<std::size_t> memory_limit_;
   std::string progress_ = "auto";
   std::vector<std::pair<std::string_view, std::string>> flags_;  ///< a parameter's key, the flag's text
 };

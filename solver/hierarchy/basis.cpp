@@ -118,6 +118,7 @@ void Basis::Extend(const Hierarchy& hierarchy) {
   }
   const std::size_t size = count_ * count_;
   elements_.reserve(hierarchy.size());
+  two_scale_.reserve(size * hierarchy.size());
   two_scale_.resize(size * hierarchy.size());
   for (auto e = static_cast<Index>(elements_.size()); e < hierarchy.size(); ++e) {
     const Polygon shape = hierarchy.Shape(e);

@@ -196,6 +196,9 @@ void Light::Extend(const Hierarchy& hierarchy) {
   if (count > 1) {
     basis.Extend(hierarchy);
     const std::size_t known = shooting_coefficients.size() / count;
+    // To the size and no further, as vectors grow by themselves: they are most of the memory.
+    shooting_coefficients.reserve(count * hierarchy.size());
+    lighting_coefficients.reserve(count * hierarchy.size());
     shooting_coefficients.resize(count * hierarchy.size(), Rgb::Zero());
     lighting_coefficients.resize(count * hierarchy.size(), Rgb::Zero());
     for (auto e = static_cast<Index>(known); e < hierarchy.size(); ++e) {
@@ -208,6 +211,7 @@ void Light::Extend(const Hierarchy& hierarchy) {
     }
   }
   radiosity.reserve(hierarchy.size());
+  irradiance.reserve(hierarchy.size());
   for (auto e = static_cast<Index>(radiosity.size()); e < hierarchy.size(); ++e) {
     const Index parent = hierarchy[e].parent;
     radiosity.push_back(parent == kNone ? hierarchy.PatchOf(e).emission : radiosity[parent]);

@@ -211,7 +211,14 @@ bool Linker::CarryAll(std::span<Link> links, const std::function<bool()>& stop) 
   return true;
 }
 
+void Linker::Tell(std::size_t bytes) const {
+  if (hold_) {
+    hold_(bytes + BytesOfElements() + links_.Bytes() + BytesOf(sources_));
+  }
+}
+
 void Linker::Assign(std::vector<Link>& links) {
+  Tell(BytesOf(links) + links.size() * sizeof(Link) + BytesOf(sources_));
   std::vector<Source> sources;
   for (Link& link : links) {
     const auto own = std::span(sources_).subspan(link.first_source, link.source_count);
@@ -241,19 +248,24 @@ void Linker::LinkRoots() {
   for (Index light = 0; light < lights; ++light) {
     shooters.push_back(PunctualNode(light));
   }
-  std::vector<std::vector<Link>> rows(receivers.size());
-  tbb::parallel_for(std::size_t{0}, receivers.size(), [&](std::size_t row) {
-    for (const Index shooter : shooters) {
-      Link link{receivers[row], shooter};
-      if (receivers[row] != shooter || IsCluster(shooter)) {
-        Measure(link);
-        AppendLive(rows[row], {&link, 1});
-      }
-    }
-  });
+  constexpr std::size_t kRows = 256;  // between two looks at the memory
   std::vector<Link> links;
-  for (const auto& row : rows) {
-    links.insert(links.end(), row.begin(), row.end());
+  for (std::size_t begin = 0; begin < receivers.size(); begin += kRows) {
+    std::vector<std::vector<Link>> rows(std::min(kRows, receivers.size() - begin));
+    tbb::parallel_for(std::size_t{0}, rows.size(), [&](std::size_t row) {
+      const Index receiver = receivers[begin + row];
+      for (const Index shooter : shooters) {
+        Link link{receiver, shooter};
+        if (receiver != shooter || IsCluster(shooter)) {
+          Measure(link);
+          AppendLive(rows[row], {&link, 1});
+        }
+      }
+    });
+    for (const auto& row : rows) {
+      links.insert(links.end(), row.begin(), row.end());
+    }
+    Tell(BytesOf(links));
   }
   measured_ += receivers.size() * shooters.size();
   Assign(links);
@@ -294,6 +306,16 @@ void Linker::Replace(const Link& link, Decision decision, std::vector<Link>& nex
   }
 }
 
+std::size_t Linker::CountOfReplaced(const Link& link, Decision decision) const {
+  const auto children = [&](Index node) {
+    return IsCluster(node) ? hierarchy_.clusters().Children(node - kFirstCluster).size() : 4;
+  };
+  if (link.receiver == link.shooter) {
+    return children(link.receiver) * children(link.receiver);
+  }
+  return children(decision == Decision::kDivideReceiver ? link.receiver : link.shooter);
+}
+
 bool Linker::MeasureAll(std::span<Link> links, const std::function<bool()>& stop) {
   for (std::size_t begin = 0; begin < links.size(); begin += kChunk) {
     if (begin > 0 && stop && stop()) {
@@ -322,7 +344,22 @@ std::size_t Linker::Refine(const Oracle& oracle, const std::function<bool()>& st
     // One thread divides, in the links' order, so that elements are numbered the same on any number of
     // threads.
     std::vector<Link> next;
+    std::size_t next_count = 0;
+    std::size_t kept_count = kept.size();
     for (std::size_t k = 0; k < open.size(); ++k) {
+      decisions[k] == Decision::kKeep ? ++kept_count : next_count += CountOfReplaced(open[k], decisions[k]);
+    }
+    const auto tell = [&] {
+      // The kept ones are moved to where there is room for more.
+      Tell(BytesOf(kept) + (BytesOf(open) + BytesOf(decisions)) + (kept_count + next_count) * sizeof(Link));
+    };
+    tell();
+    next.reserve(next_count);
+    kept.reserve(kept_count);
+    for (std::size_t k = 0; k < open.size(); ++k) {
+      if (k % kChunk == 0) {
+        tell();
+      }
       const Link& link = open[k];
       if (decisions[k] == Decision::kKeep) {
         kept.push_back(link);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <utility>
 
 #include "solver/hierarchy/basis.h"
 #include "solver/refine/oracle.h"
@@ -20,6 +21,10 @@ class Linker {
   Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibility_rays, int direct_rays,
          BasisOrder order = BasisOrder::kConstant);
 
+  /// `hold` is told of the links from now on, those that are about to be replaced or made too, and of
+  /// BytesOfElements().
+  void TellOfBytes(Hold hold) { hold_ = std::move(hold); }
+
   /// Links every two patches that face one another, and each patch to every light; or, with clusters, the
   /// root cluster to itself, to the sky and to every light.
   void LinkRoots();
@@ -30,6 +35,8 @@ class Linker {
   std::size_t Refine(const Oracle& oracle, const std::function<bool()>& stop);
 
   const Links& links() const { return links_; }
+  /// Leaves none.
+  Links TakeLinks() { return std::exchange(links_, {}); }
   /// Form factors computed so far, those of links that were replaced or that carry nothing too.
   std::size_t measured() const { return measured_; }
   /// Of memory that grows with the elements, beside what the hierarchy holds itself.
@@ -45,6 +52,10 @@ class Linker {
   void MeasureNodes(Link& link) const;
   /// What links that the oracle keeps carry, by rays of their own. All, unless `stop` says true.
   bool CarryAll(std::span<Link> links, const std::function<bool()>& stop);
+  /// How many links Replace() makes, at most.
+  std::size_t CountOfReplaced(const Link& link, Decision decision) const;
+  /// Tells `hold` of those bytes beside what the linker has anyway.
+  void Tell(std::size_t bytes) const;
   void Assign(std::vector<Link>& links);
   /// Of `kernel` over the receiver, whose point next to the shooter is `nearest`.
   template <typename Kernel>
@@ -62,6 +73,7 @@ class Linker {
   Links links_;
   std::vector<Source> sources_;  // while links are refined, of all that are carried or were
   std::size_t measured_ = 0;
+  Hold hold_;
 };
 
 }  // namespace radbake

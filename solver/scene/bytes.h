@@ -1,11 +1,16 @@
-/// How many bytes containers hold.
+/// How many bytes of memory containers hold, and who is told.
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <unordered_map>
 #include <vector>
 
 namespace radbake {
+
+/// Told how many bytes a step of the bake holds, or will before it is asked again; throws to end it instead.
+/// The same numbers on any number of threads.
+using Hold = std::function<void(std::size_t bytes)>;
 
 template <typename T>
 std::size_t BytesOf(const std::vector<T>& vector) {

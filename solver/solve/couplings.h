@@ -22,7 +22,10 @@ class Couplings {
   /// element.
   void Gather(const Links& links, Index element, std::span<const Rgb> shooting, Coefficients gathered) const;
 
-  /// Of memory.
+  /// Of memory, in a basis of `count`.
+  static std::size_t BytesNeeded(const Links& links, std::size_t count) {
+    return links.size() * count * (count - 1) * sizeof(float);
+  }
   std::size_t Bytes() const { return BytesOf(couplings_); }
 
  private:

@@ -115,10 +115,10 @@ Convergence IterateByKrylov(const RadiosityOperator& radiosity_operator, const I
   }
 }
 
-std::size_t BytesOfIteration(const RadiosityOperator& radiosity_operator) {
+std::size_t BytesOfIteration(std::size_t columns) {
   // Those that GMRES keeps, one more and its own six; and those of the two functions above.
   constexpr std::size_t kVectors = kRestart + 1 + 6 + 7;
-  return kVectors * static_cast<std::size_t>(radiosity_operator.size()) * sizeof(Rgb);
+  return kVectors * columns * sizeof(Rgb);
 }
 
 Convergence IterateBySweeps(const RadiosityOperator& radiosity_operator, const IterationOptions& options,

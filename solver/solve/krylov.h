@@ -26,8 +26,8 @@ struct IterationOptions {
 Convergence IterateByKrylov(const RadiosityOperator& radiosity_operator, const IterationOptions& options,
                             Light& light);
 
-/// Of memory, what it holds at most beside the operator.
-std::size_t BytesOfIteration(const RadiosityOperator& radiosity_operator);
+/// Of memory, what it holds at most beside an operator with so many columns.
+std::size_t BytesOfIteration(std::size_t columns);
 
 /// The same by gathering sweeps (Hanrahan 1991: SolveHR), which is Jacobi's iteration: the error falls by
 /// about the mean reflectance each sweep, so the geometric series of residuals says what is left.

@@ -70,15 +70,13 @@ LeafValues RadiosityOperator::Radiosity(const Light& light) const {
   return radiosity;
 }
 
-std::size_t RadiosityOperator::BytesOfElements() const {
-  const auto held =
-      static_cast<std::size_t>(emission_.size() + distant_.size() + reflectance_.size() + areas_.size());
-  const std::size_t polynomials = count_ > 1 ? 2 * count_ : 0;  // of what shoots, and of what is gathered
-  return held * sizeof(double) + (1 + polynomials) * hierarchy_.size() * sizeof(Rgb);
-}
-
-std::size_t RadiosityOperator::BytesOfLinks() const {
-  return hierarchy_.clusters().empty() ? 0 : links_.size() * sizeof(Rgb);
+SolveBytes RadiosityOperator::BytesNeeded(const Hierarchy& hierarchy, const Links& links, const Rows& rows,
+                                          std::size_t count) {
+  constexpr std::size_t kOfColumn = 3 * sizeof(Rgb) + sizeof(double);
+  const std::size_t polynomials = count > 1 ? 2 * count : 0;  // of what shoots, and of what is gathered
+  return {.elements =
+              kOfColumn * count * rows.leaves().size() + (1 + polynomials) * hierarchy.size() * sizeof(Rgb),
+          .links = hierarchy.clusters().empty() ? 0 : links.size() * sizeof(Rgb)};
 }
 
 RadiosityOperator::Shooters RadiosityOperator::Distant() const {

@@ -5,6 +5,7 @@
 #include "solver/hierarchy/light.h"
 #include "solver/solve/couplings.h"
 #include "solver/solve/rows.h"
+#include "solver/solve/solution.h"
 
 namespace radbake {
 
@@ -48,9 +49,9 @@ class RadiosityOperator {
   /// polynomials that do so are flattened.
   void Store(const LeafValues& irradiance, Light& light) const;
 
-  /// Of memory, what it holds and what one application needs beside it.
-  std::size_t BytesOfElements() const;
-  std::size_t BytesOfLinks() const;
+  /// What one will hold, and need beside it for an application. `count`: K.
+  static SolveBytes BytesNeeded(const Hierarchy& hierarchy, const Links& links, const Rows& rows,
+                                std::size_t count);
 
  private:
   struct Shooters {

@@ -31,17 +31,35 @@ void ForEachLeafBelow(const Hierarchy& hierarchy, Index e, const Visit& visit) {
   }
 }
 
+std::size_t LengthOfRow(const Hierarchy& hierarchy, const Links& links, Index leaf) {
+  std::size_t count = 0;
+  for (Index e = leaf; e != kNone; e = hierarchy[e].parent) {
+    count += links.Into(e).size();
+  }
+  return count;
+}
+
 }  // namespace
+
+std::size_t Rows::BytesNeeded(const Hierarchy& hierarchy, const Links& links, const Light& light) {
+  std::size_t entries = 0;
+  std::size_t leaves = 0;
+  for (Index e = 0; e < hierarchy.size(); ++e) {
+    if (hierarchy[e].IsLeaf() && !hierarchy.IsSky(e)) {
+      entries += LengthOfRow(hierarchy, links, e);
+      ++leaves;
+    }
+  }
+  return entries * (sizeof(Gathered) + (light.basis.count() - 1) * sizeof(float)) +
+         leaves * (sizeof(Index) + sizeof(std::size_t) + sizeof(Seen)) + hierarchy.size() * sizeof(Index);
+}
 
 Rows::Rows(const Hierarchy& hierarchy, const Links& links, const Light& light)
     : begin_(1, 0), shapes_(light.basis.count() - 1) {
   std::vector<Index> row_of(hierarchy.size(), kNone);
   for (Index leaf = 0; leaf < hierarchy.size(); ++leaf) {
     if (hierarchy[leaf].IsLeaf() && !hierarchy.IsSky(leaf)) {
-      std::size_t count = 0;
-      for (Index e = leaf; e != kNone; e = hierarchy[e].parent) {
-        count += links.Into(e).size();
-      }
+      const std::size_t count = LengthOfRow(hierarchy, links, leaf);
       row_of[leaf] = static_cast<Index>(leaves_.size());
       leaves_.push_back(leaf);
       begin_.push_back(begin_.back() + count);

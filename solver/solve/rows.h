@@ -55,6 +55,8 @@ class Rows {
     return std::span(moments_).subspan(shapes_ * begin_[k], shapes_ * (begin_[k + 1] - begin_[k]));
   }
 
+  /// What the first of them will hold.
+  static std::size_t BytesNeeded(const Hierarchy& hierarchy, const Links& links, const Light& light);
   /// Of memory.
   std::size_t Bytes() const {
     return BytesOf(leaves_) + BytesOf(begin_) + BytesOf(entries_) + BytesOf(moments_);

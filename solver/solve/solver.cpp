@@ -57,6 +57,7 @@ class Solver {
         options_(options),
         linker_(hierarchy, visibility, options.visibility_rays, options.direct_rays, options.basis) {
     solution_.light.basis = Basis(options.basis);
+    linker_.TellOfBytes([this](std::size_t bytes) { HoldElements(bytes); });
   }
 
   Solution Run() {
@@ -83,7 +84,7 @@ class Solver {
         RunAdaptive(a_min);
         break;
     }
-    solution_.links = linker_.links();
+    solution_.links = linker_.TakeLinks();
     return std::move(solution_);
   }
 
@@ -145,11 +146,12 @@ class Solver {
   }
 
   void Iterate(double tolerance) {
+    HoldElements(linker_.BytesOfElements() + linker_.links().Bytes() +
+                 Rows::BytesNeeded(hierarchy_, linker_.links(), solution_.light));
     const Rows rows(hierarchy_, linker_.links(), solution_.light);
+    Count(rows);
     const Couplings couplings(hierarchy_, linker_.links(), solution_.light);
-    const RadiosityOperator radiosity_operator(hierarchy_, linker_.links(), rows, couplings, solution_.light);
-    Iterate(radiosity_operator, tolerance);
-    Count(radiosity_operator, rows.Bytes() + couplings.Bytes());
+    Iterate(RadiosityOperator(hierarchy_, linker_.links(), rows, couplings, solution_.light), tolerance);
   }
 
   /// The patches' radiosities first, then the elements' from those. Patches with polynomials are what their
@@ -159,20 +161,38 @@ class Solver {
       Iterate(options_.tolerance);
       return;
     }
+    HoldElements(linker_.BytesOfElements() + linker_.links().Bytes() +
+                 Rows::BytesNeeded(hierarchy_, linker_.links(), solution_.light));
     const Rows elements(hierarchy_, linker_.links(), solution_.light);
+    Count(elements);
     const Rows patches(hierarchy_, elements, PatchLevel(hierarchy_, patch_area));
     const Couplings couplings(hierarchy_, linker_.links(), solution_.light);
     Iterate(RadiosityOperator(hierarchy_, linker_.links(), patches, couplings, solution_.light),
             options_.tolerance);
     const RadiosityOperator on_elements(hierarchy_, linker_.links(), elements, couplings, solution_.light);
     on_elements.Store(on_elements.Gather(on_elements.Radiosity(solution_.light)), solution_.light);
-    Count(on_elements, elements.Bytes() + patches.Bytes() + couplings.Bytes());
   }
 
-  void Count(const RadiosityOperator& radiosity_operator, std::size_t of_rows) {
-    solution_.bytes.elements = hierarchy_.Bytes() + solution_.light.Bytes() + linker_.BytesOfElements() +
-                               radiosity_operator.BytesOfElements() + BytesOfIteration(radiosity_operator);
-    solution_.bytes.links = linker_.links().Bytes() + of_rows + radiosity_operator.BytesOfLinks();
+  /// What is there and what the iteration will need.
+  void Count(const Rows& rows) {
+    const std::size_t count = solution_.light.basis.count();
+    solution_.bytes = RadiosityOperator::BytesNeeded(hierarchy_, linker_.links(), rows, count);
+    solution_.bytes.elements += BytesOfIteration(count * rows.leaves().size()) + hierarchy_.Bytes() +
+                                solution_.light.Bytes() + linker_.BytesOfElements();
+    solution_.bytes.links +=
+        linker_.links().Bytes() + rows.Bytes() + Couplings::BytesNeeded(linker_.links(), count);
+    if (options_.hold) {
+      options_.hold(solution_.bytes.elements + solution_.bytes.links);
+    }
+  }
+
+  /// Tells of those bytes, and of the hierarchy and its light, for elements that are too young for it too.
+  void HoldElements(std::size_t bytes) const {
+    if (options_.hold) {
+      const std::size_t lit = std::max<std::size_t>(1, solution_.light.open.size());
+      options_.hold(bytes + hierarchy_.Bytes() +
+                    solution_.light.Bytes() / lit * std::max(lit, hierarchy_.size()));
+    }
   }
 
   void Iterate(const RadiosityOperator& radiosity_operator, double tolerance) {

@@ -33,6 +33,8 @@ struct SolveOptions {
   /// Called now and then while links are refined, and between sweeps or a few applications of the operator in
   /// an iteration; true ends the solve with what it has.
   std::function<bool(const Iteration&)> stop;
+  /// Told of all that the solve holds, the hierarchy too.
+  Hold hold;
 };
 
 struct Solution {

@@ -193,7 +193,8 @@ RayCaster::RayCaster(std::span<const Corners> triangles) : impl_(std::make_uniqu
   for (const Corners& corners : triangles) {
     impl_->planes.push_back(PlaneThrough(corners));
   }
-  impl_->device = rtcNewDevice(nullptr);
+  // There is nothing to tessellate, and what is reserved for it, 128 MiB, counts under a resource limit.
+  impl_->device = rtcNewDevice("tessellation_cache_size=0");
   impl_->ThrowOnError();
   impl_->scene = rtcNewScene(impl_->device);
   rtcSetSceneFlags(impl_->scene, RTC_SCENE_FLAG_ROBUST);

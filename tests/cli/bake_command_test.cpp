@@ -111,6 +111,8 @@ TEST_F(BakeCommand, RefusesBadUsageInOneLineWithExitCodeTwo) {
            {{"bake", scene, "-o", baked, "--output", "lightmap"}, "output.kind takes vertex"},
            {{"bake", scene, "-o", baked, "--threads", "0"}, "--threads"},
            {{"bake", scene, "-o", baked, "--progress", "loud"}, "--progress"},
+           {{"bake", scene, "-o", baked, "--memory-limit", "much"}, "--memory-limit"},
+           {{"bake", scene, "-o", baked, "--memory-limit", "-1"}, "--memory-limit"},
            {{"bake", scene, "-o", baked, "--parameters", File("bad.json")}, "bad.json"},
            {{"bake", scene, "-o", baked, "--parameters", File("unknown.json")}, "\"eror\""},
            {{"bake", scene, "-o", baked, "--parameters", File("none.json")}, "none.json"},
@@ -163,6 +165,38 @@ TEST_F(BakeCommand, ReplacesAnOlderFileAndFollowsALink) {
   EXPECT_TRUE(std::filesystem::is_symlink(File("baked.glb")));
   EXPECT_THAT(ReadFile(File("target.glb")), StartsWith("glTF"));
   EXPECT_THAT(Names(), ElementsAre("baked.glb", "target.glb"));
+}
+
+TEST_F(BakeCommand, TakesAMemoryLimitInBytesOrLargerUnits) {
+  for (const char* text : {"3000000000", "3000MB", "3GB"}) {
+    const Outcome run = Bake({"--memory-limit", text, "--statistics", File("s.json")});
+    ASSERT_EQ(run.code, 0) << run.error;
+    EXPECT_EQ(json::parse(ReadFile(File("s.json")))["memory"]["limit_bytes"], 3'000'000'000);
+  }
+}
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // which take memory of their own
+TEST_F(BakeCommand, StaysWithinItsMemoryLimitBakingCoarser) {
+  for (const char* limit : {"20MB", "24MB"}) {
+    const Outcome run =
+        Radbake({"bake", RADBAKE_SOURCE_DIR "/scenes/cornell-box.glb", "-o", File("baked.glb"), "--error",
+                 "0.02", "--basis", "constant", "--memory-limit", limit, "--statistics", File("s.json")});
+    ASSERT_EQ(run.code, 0) << run.error;
+    EXPECT_THAT(run.error, HasSubstr(std::string("within the limit of ") + std::string(limit, 2) + " MB"));
+    const json statistics = json::parse(ReadFile(File("s.json")));
+    EXPECT_EQ(statistics["stopped_by"], "limit");
+    EXPECT_LE(statistics["memory"]["peak_bytes"], statistics["memory"]["limit_bytes"]);
+  }
+}
+#endif
+
+TEST_F(BakeCommand, FailsWithExitCodeOneWhereTheSceneAloneTakesMoreMemory) {
+  const Outcome run = Bake({"--memory-limit", "1MB"});
+  EXPECT_EQ(run.code, 1);
+  EXPECT_THAT(run.error,
+              AllOf(StartsWith("radbake: out of memory: the scene takes at least "), HasSubstr("1.0 MB")));
+  EXPECT_TRUE(IsOneLine(run.error));
+  EXPECT_THAT(Names(), IsEmpty());
 }
 
 TEST_F(BakeCommand, PrintsEachWarningOnceOnALineOfItsOwn) {

@@ -132,6 +132,23 @@ TEST_F(SandboxTest, AJobThatNeedsMoreMemoryThanAllowedFailsAtOnceWithOneSentence
   EXPECT_THAT(failed.at("error").at("detail").get<std::string>(), HasSubstr("16777216 bytes of memory"));
 }
 
+TEST_F(SandboxTest, AJobThatNeedsMoreMemoryThanAllowedForItsErrorIsBakedCoarser) {
+  ChildLimits limits;
+  limits.memory = 32 << 20U;
+  const Service service(folder() / "data", RADBAKE_BINARY_DIR "/radbake",
+                        {1, std::chrono::hours(1), Service::SmallLimits(), "", limits});
+  const Answer made =
+      service.client().PostForm({{"scene", ReadFile(RADBAKE_SOURCE_DIR "/scenes/cornell-box.glb"), ""},
+                                 {"parameters", R"({"error": 0.01, "basis": "constant", "check": 0})", ""}});
+  ASSERT_EQ(made.status, 202) << made.body;
+  service.client().WaitFor(made.headers.at("location"), "succeeded");
+  const auto statistics =
+      nlohmann::json::parse(service.client().Get(made.headers.at("location") + "/statistics").body);
+  EXPECT_EQ(statistics.at("stopped_by"), "limit");
+  EXPECT_LT(statistics.at("memory").at("limit_bytes"), limits.memory);
+  EXPECT_THAT(statistics.at("warnings").dump(), HasSubstr("would have needed"));
+}
+
 TEST_F(SandboxTest, IsLimitedUnlessToldOtherwise) {
   const std::string limits = (folder() / "limits").string();
   const std::filesystem::path program = WriteProgram(
