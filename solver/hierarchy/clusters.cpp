@@ -19,44 +19,22 @@ Eigen::AlignedBox3d BoxOf(const Patch& patch) {
   return box;
 }
 
-/// The zones that are large enough for clusters of their own, and one for all others.
-std::vector<Index> GroupsOf(std::span<const Index> zones) {
-  constexpr std::size_t kLeast = 32;  // patches
-  std::vector<std::size_t> size;
-  for (const Index zone : zones) {
-    size.resize(std::max<std::size_t>(size.size(), zone + 1));
-    ++size[zone];
-  }
-  const auto last =
-      static_cast<Index>(std::ranges::count_if(size, [](std::size_t n) { return n >= kLeast; }));
-  std::vector<Index> groups(zones.begin(), zones.end());
-  for (Index& group : groups) {
-    group = std::min(group, last);
-  }
-  return groups;
-}
-
 }  // namespace
 
-Clusters::Clusters(const Patches& patches, std::span<const Index> zones)
+Clusters::Clusters(const Patches& patches)
     : order_(patches.surface_patches), above_(patches.surface_patches) {
   std::iota(order_.begin(), order_.end(), Index{0});
   for (const Index patch : order_) {
     basis_.push_back(CosineBasis(patches.patches[patch].normal));
   }
-  const std::vector<Index> groups = GroupsOf(zones);
-  if (!groups.empty()) {
-    std::ranges::stable_sort(order_, {}, [&](Index patch) { return groups[patch]; });
-  }
-  Build(patches, groups, 0, static_cast<Index>(order_.size()), kNone);
+  Build(patches, 0, static_cast<Index>(order_.size()), kNone);
   double area = 0;
   for (const Index patch : order_) {
     cumulative_.push_back(area += patches.patches[patch].area);
   }
 }
 
-void Clusters::Build(const Patches& patches, std::span<const Index> groups, Index begin, Index end,
-                     Index parent) {
+void Clusters::Build(const Patches& patches, Index begin, Index end, Index parent) {
   const auto self = static_cast<Index>(clusters_.size());
   Cluster cluster;
   cluster.parent = parent;
@@ -77,9 +55,8 @@ void Clusters::Build(const Patches& patches, std::span<const Index> groups, Inde
   clusters_.push_back(cluster);
 
   const auto at = [&](Index k) { return order_.begin() + static_cast<std::ptrdiff_t>(k); };
-  const bool mixed = !groups.empty() && groups[order_[begin]] != groups[order_[end - 1]];
-  Index middle = mixed ? begin : end;  // what lies before hangs directly below
-  if (!mixed && end - begin > kLeafSize) {
+  Index middle = end;  // what lies before hangs directly below
+  if (end - begin > kLeafSize) {
     const auto large = std::stable_partition(at(begin), at(end), [&](Index patch) {
       return BoxOf(patches.patches[patch]).diagonal().norm() > 2 * kLarge * cluster.radius;
     });
@@ -90,59 +67,40 @@ void Clusters::Build(const Patches& patches, std::span<const Index> groups, Inde
     above_[patch] = self;
   }
   if (middle < end) {
-    const Index cut = mixed ? SplitByGroup(groups, begin, end) : SplitByPlace(patches, middle, end);
+    // The middle of the longest axis; the median where that leaves one side all but empty.
+    Eigen::AlignedBox3d centres;
+    for (Index k = middle; k < end; ++k) {
+      centres.extend(BoxOf(patches.patches[order_[k]]).center());
+    }
+    Eigen::Index axis = 0;
+    centres.sizes().maxCoeff(&axis);
+    const auto coordinate = [&](Index patch) { return BoxOf(patches.patches[patch]).center()[axis]; };
+    auto split = std::stable_partition(
+        at(middle), at(end), [&](Index patch) { return coordinate(patch) < centres.center()[axis]; });
+    constexpr std::ptrdiff_t kLeast = 8;  // one in so many
+    const std::ptrdiff_t count = at(end) - at(middle);
+    if (std::min(split - at(middle), at(end) - split) * kLeast < count) {
+      split = at(middle) + count / 2;
+      std::nth_element(at(middle), split, at(end), [&](Index a, Index b) {
+        const double ca = coordinate(a);
+        const double cb = coordinate(b);
+        return ca != cb ? ca < cb : a < b;
+      });
+    }
+    const auto cut = static_cast<Index>(split - order_.begin());
     for (const auto& [from, to] : {std::pair(middle, cut), std::pair(cut, end)}) {
       if (to - from == 1) {
         children.push_back(order_[from]);
         above_[order_[from]] = self;
       } else if (from < to) {
         children.push_back(ClusterNode(static_cast<Index>(clusters_.size())));
-        Build(patches, groups, from, to, self);
+        Build(patches, from, to, self);
       }
     }
   }
   clusters_[self].children_begin = static_cast<Index>(children_.size());
   children_.insert(children_.end(), children.begin(), children.end());
   clusters_[self].children_end = static_cast<Index>(children_.size());
-}
-
-Index Clusters::SplitByGroup(std::span<const Index> groups, Index begin, Index end) const {
-  // The border next to the middle.
-  const Index middle = begin + (end - begin) / 2;
-  Index below = middle;
-  while (below > begin && groups[order_[below - 1]] == groups[order_[middle]]) {
-    --below;
-  }
-  Index above = middle;
-  while (above < end && groups[order_[above]] == groups[order_[middle]]) {
-    ++above;
-  }
-  return below > begin && (above == end || middle - below < above - middle) ? below : above;
-}
-
-Index Clusters::SplitByPlace(const Patches& patches, Index begin, Index end) {
-  const auto at = [&](Index k) { return order_.begin() + static_cast<std::ptrdiff_t>(k); };
-  // The middle of the longest axis; the median where that leaves one side all but empty.
-  Eigen::AlignedBox3d centres;
-  for (Index k = begin; k < end; ++k) {
-    centres.extend(BoxOf(patches.patches[order_[k]]).center());
-  }
-  Eigen::Index axis = 0;
-  centres.sizes().maxCoeff(&axis);
-  const auto coordinate = [&](Index patch) { return BoxOf(patches.patches[patch]).center()[axis]; };
-  auto split = std::stable_partition(at(begin), at(end),
-                                     [&](Index patch) { return coordinate(patch) < centres.center()[axis]; });
-  constexpr std::ptrdiff_t kLeast = 8;  // one in so many
-  const std::ptrdiff_t count = at(end) - at(begin);
-  if (std::min(split - at(begin), at(end) - split) * kLeast < count) {
-    split = at(begin) + count / 2;
-    std::nth_element(at(begin), split, at(end), [&](Index a, Index b) {
-      const double ca = coordinate(a);
-      const double cb = coordinate(b);
-      return ca != cb ? ca < cb : a < b;
-    });
-  }
-  return static_cast<Index>(split - order_.begin());
 }
 
 Index Clusters::PatchAt(Index cluster, double& u) const {

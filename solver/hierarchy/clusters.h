@@ -37,10 +37,7 @@ class Clusters {
  public:
   /// None: the patches stand alone.
   Clusters() = default;
-  /// `zones`: by surface patch, 0 the largest; patches of different zones light one another little or not at
-  /// all, and are kept apart: what lights one of them would leak to its neighbours of another. The small
-  /// zones count as one. None: all are in one zone.
-  explicit Clusters(const Patches& patches, std::span<const Index> zones = {});
+  explicit Clusters(const Patches& patches);
 
   bool empty() const { return clusters_.empty(); }
   std::size_t size() const { return clusters_.size(); }
@@ -71,11 +68,7 @@ class Clusters {
   Index PatchAt(Index cluster, double& u) const;
 
  private:
-  // `groups`: of zones, by patch, in which order_ ascends.
-  void Build(const Patches& patches, std::span<const Index> groups, Index begin, Index end, Index parent);
-  // Where the first part ends.
-  Index SplitByGroup(std::span<const Index> groups, Index begin, Index end) const;
-  Index SplitByPlace(const Patches& patches, Index begin, Index end);
+  void Build(const Patches& patches, Index begin, Index end, Index parent);
 
   std::vector<Cluster> clusters_;
   std::vector<Index> children_;

@@ -67,12 +67,6 @@ Hierarchy::Hierarchy(const Patches& patches, bool clustering)
   WeldCorners();
 }
 
-void Hierarchy::KeepApart(std::span<const Index> zones) {
-  if (!clusters_.empty()) {
-    clusters_ = Clusters(patches_, zones);
-  }
-}
-
 void Hierarchy::WeldCorners() {
   Welder welder(patches_.weld);
   struct Known {

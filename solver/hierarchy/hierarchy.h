@@ -37,10 +37,6 @@ class Hierarchy {
   /// `clustering`: with clusters above the patches.
   explicit Hierarchy(const Patches& patches, bool clustering = false);
 
-  /// If there are clusters, makes others that keep zones apart: see Clusters. Not once something refers to
-  /// them.
-  void KeepApart(std::span<const Index> zones);
-
   const Patches& patches() const { return patches_; }
   const Clusters& clusters() const { return clusters_; }
   const Patch& PatchOf(Index element) const { return patches_.patches[elements_[element].patch]; }

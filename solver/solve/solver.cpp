@@ -14,7 +14,6 @@
 #include "solver/solve/radiosity_operator.h"
 #include "solver/transport/node_transport.h"
 #include "solver/transport/sampling.h"
-#include "solver/transport/zones.h"
 
 namespace radbake {
 namespace {
@@ -61,9 +60,6 @@ class Solver {
   }
 
   Solution Run() {
-    if (!hierarchy_.clusters().empty()) {
-      hierarchy_.KeepApart(FindZones(hierarchy_.patches(), visibility_));
-    }
     solution_.light.openness = LookAround(hierarchy_, visibility_);
     linker_.LinkRoots();
     Extend();

@@ -45,8 +45,8 @@ struct Solution {
   bool stopped = false;  ///< by `stop`
 };
 
-/// Divides `hierarchy`, keeps its zones apart, and solves for the light on it. The same on any number of
-/// threads, as long as `stop` is.
+/// Divides `hierarchy` and solves for the light on it. The same on any number of threads, as long as `stop`
+/// is.
 Solution Solve(Hierarchy& hierarchy, const Visibility& visibility, const SolveOptions& options);
 
 }  // namespace radbake

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <random>
-#include <set>
 
 #include "tests/test_scenes.h"
 
@@ -52,26 +51,6 @@ TEST(Clusters, KeepLargePatchesApartFromSmallOnes) {
   for (Index patch = 0; patch < patches.patches.size(); ++patch) {
     EXPECT_EQ(clusters.Above(patch) == 0, patches.patches[patch].corner_count == 4) << patch;
   }
-}
-
-TEST(Clusters, KeepLargeZonesApartAndSmallOnesTogether) {
-  const Patches patches = RoomWithSphere();
-  // By turns: the patches of one place are of all zones.
-  std::vector<Index> zones(patches.patches.size());
-  for (Index patch = 0; patch < patches.patches.size(); ++patch) {
-    zones[patch] = patch % 8 == 0 ? 2 + patch / 8 : patch % 2;
-  }
-  const Clusters clusters(patches, zones);
-  int mixed = 0;
-  for (Index c = 0; c < clusters.size(); ++c) {
-    std::set<Index> held;
-    for (const Index patch : clusters.PatchesBelow(c)) {
-      held.insert(std::min(zones[patch], Index{2}));
-    }
-    mixed += held.size() > 1 ? 1 : 0;
-  }
-  EXPECT_EQ(mixed, 2);
-  EXPECT_EQ(clusters.PatchesBelow(0).size(), patches.patches.size());
 }
 
 TEST(Clusters, DrawPatchesByArea) {

@@ -74,23 +74,6 @@ TEST(ClusteredSolution, LessLightLeaksThroughAWallTheFinerTheLinks) {
   EXPECT_LT(leak(2.5e-4), 0.001);
 }
 
-/// A closed box in a closed box, light in the gap between them alone.
-TEST(ClusteredSolution, LeavesAClosedBoxBesideABrightWallDark) {
-  Scene scene;
-  const Index grey = testing::AddMaterial(scene, 0.5, 0);
-  AddFineBox(scene, grey, Vec3(0, 0, 0), Vec3(2, 2, 2), 6, true);
-  const auto inside = static_cast<Index>(scene.surfaces.size());
-  AddFineBox(scene, grey, Vec3(-0.05, -0.05, -0.05), Vec3(2.05, 2.05, 2.05), 6, false);
-  AddFineBox(scene, testing::AddMaterial(scene, 0.5, 1), Vec3(-0.5, -0.5, -0.5), Vec3(2.5, 2.5, 2.5), 6,
-             true);
-  const auto end = static_cast<Index>(scene.surfaces.size());
-  for (const double w_min : {1e-3, 2e-4}) {
-    const Clustered solved(scene, w_min);
-    // Nothing but what the iteration leaves.
-    EXPECT_LT(solved.MeanIrradiance(0, inside), 1e-9 * solved.MeanIrradiance(inside, end)) << w_min;
-  }
-}
-
 /// Solved with a_min = 1e-4, so that what refines without need ends.
 Solution SolveWith(const Scene& scene, bool clustering) {
   const Patches patches = CutIntoPatches(scene);
