@@ -119,7 +119,7 @@ void OutputMesh::Tell() const {
   // gathered; its error and its place among them; and as it is emitted a vertex, by which it is found, and
   // two triangles. What grows by pushing back may have twice the room.
   constexpr std::size_t kLoop = sizeof(Index) + sizeof(Loop) + 8 * sizeof(Index) + 2 * sizeof(std::size_t);
-  constexpr std::size_t kMeetings = 2 * 5 * sizeof(Meeting);
+  constexpr std::size_t kMeetings = 10 * sizeof(Meeting);
   constexpr std::size_t kPlace = 2 * (sizeof(double) + sizeof(std::size_t));
   constexpr std::size_t kEmitted = 2 * (sizeof(BakedVertex) + 2 * sizeof(Triangle)) + 6 * sizeof(void*);
   if (hold_) {

@@ -75,10 +75,12 @@ Linker::Linker(Hierarchy& hierarchy, const Visibility& visibility, int visibilit
 }
 
 int Linker::RaysFrom(Index shooter) const {
-  const double most = direct_rays_ / rays_;
+  const int most = direct_rays_ / rays_;
   const double emission = Luminance(hierarchy_.PatchOf(shooter).emission);
-  const double times = emission < most * mean_emission_ ? emission / mean_emission_ : emission > 0 ? most : 1;
-  return rays_ * std::max(1, static_cast<int>(times));
+  if (emission > 0 && emission >= most * mean_emission_) {
+    return std::max(rays_, most * rays_);
+  }
+  return emission > mean_emission_ ? static_cast<int>(emission / mean_emission_) * rays_ : rays_;
 }
 
 template <typename Kernel>
