@@ -32,7 +32,7 @@ SOLUTIONS = {
     "matrix": ["--method", "matrix"],
     "two-level": ["--method", "two-level"],
     "hierarchical": ["--method", "hierarchical"],
-    "adaptive": ["--method", "adaptive"],
+    "adaptive": ["--method", "adaptive", "--basis", "constant"],
     "adaptive, linear": ["--method", "adaptive", "--basis", "linear"],
     "adaptive, quadratic": ["--method", "adaptive", "--basis", "quadratic"],
 }
@@ -168,7 +168,7 @@ def growth_settings():
     areas = [2e-2, 8e-3, 4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4, 6e-5, 1.6e-5]
 
     def flags(method, *more):
-        return ["--method", method, "--error", "0.5", *more]
+        return ["--method", method, "--basis", "constant", "--error", "0.5", *more]
     return {
         "matrix": [flags("matrix", "--oracle.a_min", str(a)) for a in areas],
         "two-level": [flags("two-level", "--oracle.a_min", str(a / 10)) for a in areas],
@@ -184,7 +184,7 @@ def touching_settings():
     return {
         "form factor": [["--method", "hierarchical", "--error", "0.5", "--oracle.a_min", "1e-5",
                          "--oracle.f_max", str(f)] for f in (0.2, 0.1, 0.05, 0.025, 0.0125, 0.00625)],
-        "energy": [["--method", "adaptive", "--error", "0.5", "--oracle.a_min", "1e-5",
+        "energy": [["--method", "adaptive", "--basis", "constant", "--error", "0.5", "--oracle.a_min", "1e-5",
                     "--oracle.w_min", str(w)]
                    for w in (1.6e-2, 4e-3, 1e-3, 2.5e-4, 6.4e-5, 1.6e-5, 4e-6)],
     }
