@@ -12,6 +12,7 @@
 #include <sstream>
 #include <utility>
 
+#include "solver/control_groups.h"
 #include "solver/radbake.h"
 
 namespace radbake {
@@ -26,32 +27,6 @@ constexpr std::size_t kOfTriangle = 500;
 constexpr std::size_t kOfPatch = 500;
 // What malloc needs beyond what it gives, in the end.
 constexpr double kOverhead = 1.1;
-
-/// What is between the most that the process's groups may take and what they have taken.
-std::uint64_t LeftByGroups(const std::filesystem::path& root) {
-  std::uint64_t left = std::numeric_limits<std::uint64_t>::max();
-  constexpr std::string_view kVersion2 = "0::/";
-  std::ifstream groups(root / "proc/self/cgroup");
-  for (std::string line; std::getline(groups, line);) {
-    if (!line.starts_with(kVersion2)) {
-      continue;
-    }
-    const std::filesystem::path top = root / "sys/fs/cgroup";
-    // A group may take no more than each of those that it is in.
-    for (std::filesystem::path group = line.substr(kVersion2.size());; group = group.parent_path()) {
-      std::uint64_t most = 0;
-      std::uint64_t taken = 0;
-      if (std::ifstream(top / group / "memory.max") >> most) {
-        std::ifstream(top / group / "memory.current") >> taken;
-        left = std::min(left, most - std::min(most, taken));
-      }
-      if (group.empty()) {
-        break;
-      }
-    }
-  }
-  return left;
-}
 
 std::uint64_t LeftByMachine(const std::filesystem::path& root) {
   std::ifstream info(root / "proc/meminfo");
@@ -84,7 +59,7 @@ std::uint64_t LeftByResourceLimits() {
 }  // namespace
 
 std::size_t FreeMemory(const std::filesystem::path& root) {
-  return std::min({LeftByMachine(root), LeftByGroups(root), LeftByResourceLimits()});
+  return std::min({LeftByMachine(root), MemoryOfGroups(root).left, LeftByResourceLimits()});
 }
 
 std::size_t PeakBytes() {

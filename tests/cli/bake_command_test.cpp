@@ -177,10 +177,12 @@ TEST_F(BakeCommand, TakesAMemoryLimitInBytesOrLargerUnits) {
 
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // which take memory of their own
 TEST_F(BakeCommand, StaysWithinItsMemoryLimitBakingCoarser) {
-  for (const char* limit : {"20MB", "24MB"}) {
+  // The peak counts the program's own files too, as many of their pages as the kernel maps at once: a few
+  // megabytes more where they have just been written.
+  for (const char* limit : {"30MB", "40MB"}) {
     const Outcome run =
         Radbake({"bake", RADBAKE_SOURCE_DIR "/scenes/cornell-box.glb", "-o", File("baked.glb"), "--error",
-                 "0.02", "--basis", "constant", "--memory-limit", limit, "--statistics", File("s.json")});
+                 "0.01", "--basis", "constant", "--memory-limit", limit, "--statistics", File("s.json")});
     ASSERT_EQ(run.code, 0) << run.error;
     EXPECT_THAT(run.error, HasSubstr(std::string("within the limit of ") + std::string(limit, 2) + " MB"));
     const json statistics = json::parse(ReadFile(File("s.json")));
