@@ -166,7 +166,7 @@ Rgb Gatherer::Shooting(Index shooter, const Vec3& x, const Vec3& n) const {
 }
 
 bool Gatherer::IsUneven(Index shooter, double form_factor, const Look& look) const {
-  constexpr double kMuch = 0.2;
+  constexpr double kMuch = 0.05;
   if (look.at_shooter || form_factor < kMuch) {
     return false;
   }

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "solver/bake/emit.h"
+#include "solver/transport/form_factor.h"
 #include "tests/solve/solved_scene_test.h"
 #include "tests/test_scenes.h"
 
@@ -276,7 +277,8 @@ TEST(OutputMesh, CastsRaysUntilTheirNoiseIsAsLowAsAsked) {
 
 TEST(OutputMesh, ShowsAtTheFootOfAWallTheFloorThatIsThereAndNotItsElementsMean) {
   // The sun straight down on a floor, half of which lies in the shadow of a black board. A black wall gets
-  // its light from the floor: at its foot half of what leaves the place below.
+  // its light from the floor: at its foot half of what leaves the place below, higher up what it sees of the
+  // lit half.
   constexpr double kEdge = 0.83;
   Scene scene;
   const Index grey = testing::AddMaterial(scene, 0.5, 0);
@@ -294,15 +296,24 @@ TEST(OutputMesh, ShowsAtTheFootOfAWallTheFloorThatIsThereAndNotItsElementsMean) 
   coarse.w_min = 1e-2;
   SolvedScene solved(scene, coarse);
   const BakedMesh wall = solved.Output(Fine()).surfaces[1].front;
+  const Polygon lit{{Vec3(0, 0, kEdge), Vec3(0, 0, 2), Vec3(2, 0, 2), Vec3(2, 0, kEdge)}, 4, Vec3::UnitY()};
   int at_foot = 0;
+  int near_foot = 0;
   for (const BakedVertex& vertex : wall.vertices) {
     const auto [x, y, z] = PlaceOf(scene.surfaces[1], vertex);
+    if (y > 0 && y < 0.3 && z > 0 && z < 2) {
+      ++near_foot;
+      const double seen = PointToPolygon(Vec3(x, y, z), Vec3::UnitX(), lit, 0);
+      // Two points of a floor that is black or bright.
+      EXPECT_NEAR(vertex.irradiance.maxCoeff(), 0.5 * seen, 0.04) << "at " << y << ", " << z;
+    }
     if (y == 0 && z > 0 && z < 2) {
       ++at_foot;
       EXPECT_NEAR(vertex.irradiance.maxCoeff(), z > kEdge ? 0.25 : 0, 0.02) << "at " << z;
     }
   }
   EXPECT_GT(at_foot, 5);
+  EXPECT_GT(near_foot, 20);
 }
 
 TEST(OutputMesh, LightsBothSidesOfADoubleSidedSurfaceEachForItself) {
