@@ -21,6 +21,10 @@ constexpr double kRaysAround = 2;
 // Of the rays, what the smallest patches get.
 constexpr double kLeastShare = 0.25;
 
+// Form factors of leaves that may be near, and of those that are half of what is seen.
+constexpr double kNear = 0.05;
+constexpr double kTouching = 0.2;
+
 /// How far the visibility of a point of the receiver may be from the link's: much where that is neither 0 nor
 /// 1.
 double Uncertainty(const Link& link) {
@@ -112,7 +116,7 @@ Estimate Gatherer::From(const Link& link, Index shooter, const Rgb& shooting, do
   if (!IsUneven(shooter, unoccluded, look)) {
     return Seen(link, shooter, unoccluded * shooting, chance, look);
   }
-  const Estimate near = ShootingNear(shooter, shooting, look);
+  const Estimate near = ShootingNear(shooter, unoccluded < kTouching ? 1 : 2, shooting, look);
   Estimate seen = Seen(link, shooter, unoccluded * near.irradiance, chance, look);
   seen.variance += unoccluded * unoccluded * near.variance;
   return seen;
@@ -166,8 +170,7 @@ Rgb Gatherer::Shooting(Index shooter, const Vec3& x, const Vec3& n) const {
 }
 
 bool Gatherer::IsUneven(Index shooter, double form_factor, const Look& look) const {
-  constexpr double kMuch = 0.05;
-  if (look.at_shooter || form_factor < kMuch) {
+  if (look.at_shooter || form_factor < kNear) {
     return false;
   }
   if (light_.open[shooter] < 1) {
@@ -186,18 +189,17 @@ bool Gatherer::IsUneven(Index shooter, double form_factor, const Look& look) con
   return form_factor * deviation > options_.uneven * look.scale;
 }
 
-Estimate Gatherer::ShootingNear(Index shooter, const Rgb& otherwise, Look& look) const {
+Estimate Gatherer::ShootingNear(Index shooter, int points, const Rgb& otherwise, Look& look) const {
   // Directions that meet the shooter find its points by form factor, however near it is.
   constexpr int kDirections = 64;
-  constexpr int kEnough = 2;
-  constexpr double kEffort = 0.25;
+  constexpr double kEffort = 0.1;
   const Polygon shape = hierarchy_.Shape(shooter);
   look.key = Hash(look.key);
   QuasiRandom<2> random(look.key);
   Rgb sum = Rgb::Zero();
   Rgb squares = Rgb::Zero();
   int found = 0;
-  for (int k = 0; k < kDirections && found < kEnough; ++k) {
+  for (int k = 0; k < kDirections && found < points; ++k) {
     const auto u = random.Next();
     const Vec3 direction = CosineDirection(look.n, u[0], u[1]);
     const double towards = direction.dot(shape.normal);
@@ -224,7 +226,9 @@ Estimate Gatherer::ShootingNear(Index shooter, const Rgb& otherwise, Look& look)
     return {otherwise};
   }
   const Rgb mean = sum / found;
-  return {mean, found > 1 ? (squares / found - mean.square()).max(0.0).sum() / (found - 1) : 0};
+  // Of one point, what it differs by says how much others would.
+  return {mean, found > 1 ? (squares / found - mean.square()).max(0.0).sum() / (found - 1)
+                          : (mean - otherwise).square().sum()};
 }
 
 Rgb Gatherer::Solved(Index leaf, const Vec3& x) const {
