@@ -1,5 +1,6 @@
 #include "solver/memory.h"
 
+#include <malloc.h>
 #include <oneapi/tbb/task_arena.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -66,6 +67,11 @@ std::size_t PeakBytes() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<std::size_t>(usage.ru_maxrss) * 1024;
+}
+
+void ReturnLargeBlocks() {
+  constexpr int kLarge = 128 * 1024;
+  mallopt(M_MMAP_THRESHOLD, kLarge);
 }
 
 std::string BytesInWords(std::size_t bytes) {

@@ -16,6 +16,10 @@ std::size_t FreeMemory(const std::filesystem::path& root = "/");
 /// Of the process, so far.
 std::size_t PeakBytes();
 
+/// From now on, what is freed of large blocks goes back to the system at once. By itself malloc keeps as much
+/// for later as the largest block that was ever freed, beyond what a bake counts. For a program to ask.
+void ReturnLargeBlocks();
+
 /// "1.9 GB", of 10⁹ bytes; two digits at least.
 std::string BytesInWords(std::size_t bytes);
 
