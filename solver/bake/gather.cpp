@@ -22,7 +22,7 @@ constexpr double kRaysAround = 2;
 constexpr double kLeastShare = 0.25;
 
 // Form factors of leaves that may be near, and of those that are half of what is seen.
-constexpr double kNear = 0.05;
+constexpr double kClose = 0.05;
 constexpr double kTouching = 0.2;
 
 /// How far the visibility of a point of the receiver may be from the link's: much where that is neither 0 nor
@@ -170,7 +170,7 @@ Rgb Gatherer::Shooting(Index shooter, const Vec3& x, const Vec3& n) const {
 }
 
 bool Gatherer::IsUneven(Index shooter, double form_factor, const Look& look) const {
-  if (look.at_shooter || form_factor < kNear) {
+  if (look.at_shooter || form_factor < kClose) {
     return false;
   }
   if (light_.open[shooter] < 1) {
