@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "solver/transport/form_factor.h"
+#include "solver/transport/seen_polygon.h"
 #include "solver/transport/sampling.h"
 
 namespace radbake {

@@ -51,6 +51,11 @@ Gatherer::Gatherer(const Hierarchy& hierarchy, const Light& light, const Links& 
   typical_ = std::sqrt(sum / area);
   if (options.by_rays) {
     emitters_.emplace(hierarchy);
+    return;
+  }
+  seen_.reserve(light.irradiance.size());
+  for (Index e = 0; e < light.irradiance.size(); ++e) {
+    seen_.emplace_back(hierarchy.Shape(e));
   }
 }
 
@@ -77,11 +82,11 @@ Estimate Gatherer::Along(const Link& link, Look& look) const {
   // Hundreds of links that hardly matter may err the same way, as in a cavity of a cluster: a few of them
   // cast a ray for all (Russian roulette).
   const bool self = link.receiver == link.shooter;
+  const double form_factor = std::max(link.form_factor, link.judged_factor);
   const Rgb shooting = self ? light_.cluster_radiosity[link.shooter - kFirstCluster].mean
-                            : Shooting(link.shooter, look.x, look.n);
+                            : Shooting(link.shooter, form_factor, look);
   double chance = 1;
   if (!link.clear) {
-    const double form_factor = std::max(link.form_factor, link.judged_factor);
     chance = std::min(1.0, Luminance(shooting) / look.scale * look.effort * form_factor * Uncertainty(link) /
                                options_.negligible);
     look.key = Hash(look.key);
@@ -100,7 +105,8 @@ Estimate Gatherer::Along(const Link& link, Look& look) const {
 
 Estimate Gatherer::From(const Link& link, Index shooter, const Rgb& shooting, double chance,
                         Look& look) const {
-  const double unoccluded = UnoccludedAt(hierarchy_, look.x, look.n, shooter, kTolerance);
+  const double unoccluded = IsElement(shooter) ? seen_[shooter].From(look.x, look.n, kTolerance)
+                                               : UnoccludedAt(hierarchy_, look.x, look.n, shooter);
   if (!IsElement(shooter) || chance < 1) {
     return Seen(link, shooter, unoccluded * shooting, chance, look);
   }
@@ -109,7 +115,7 @@ Estimate Gatherer::From(const Link& link, Index shooter, const Rgb& shooting, do
     Estimate sum;
     const Index first = hierarchy_[shooter].first_child;
     for (Index child = first; child < first + 4; ++child) {
-      sum += From(link, child, Shooting(child, look.x, look.n), chance, look);
+      sum += From(link, child, Shooting(child, unoccluded, look), chance, look);
     }
     return sum;
   }
@@ -149,9 +155,9 @@ Estimate Gatherer::Seen(const Link& link, Index shooter, const Rgb& open, double
   return {expected + surprise, variance};
 }
 
-Rgb Gatherer::Shooting(Index shooter, const Vec3& x, const Vec3& n) const {
+Rgb Gatherer::Shooting(Index shooter, double form_factor, const Look& look) const {
   if (!IsElement(shooter) || !light_.IsShaped(shooter)) {
-    return light_.Shooting(hierarchy_, shooter, x);
+    return light_.Shooting(hierarchy_, shooter, look.x);
   }
   const ConstCoefficients polynomial = light_.ShootingPolynomial(shooter);
   double shape = 0;
@@ -160,13 +166,19 @@ Rgb Gatherer::Shooting(Index shooter, const Vec3& x, const Vec3& n) const {
   }
   // From far off all of it is seen as well, and even ones look the same from everywhere.
   constexpr double kEven = 0.005;
-  const double distance = (light_.basis[shooter].centroid() - x).norm();
-  const double uneven = std::min(1.0, 2 * std::sqrt(hierarchy_[shooter].area) / distance);
-  if (std::sqrt(shape) * uneven <= kEven * Luminance(polynomial[0])) {
+  constexpr double kLittle = 0.02;
+  const double distance = (light_.basis[shooter].centroid() - look.x).norm();
+  const double uneven = std::sqrt(shape) * std::min(1.0, 2 * std::sqrt(hierarchy_[shooter].area) / distance);
+  if (uneven <= kEven * Luminance(polynomial[0]) ||
+      form_factor * uneven <= kLittle * options_.negligible * look.scale) {
     return polynomial[0];
   }
+  if (light_.basis.count() == BasisCount(BasisOrder::kLinear)) {
+    const Vec3 middle = seen_[shooter].MiddleFrom(look.x, look.n);
+    return Evaluate(polynomial, light_.basis.At(shooter, middle)).max(0.0);
+  }
   const BasisEnd end(hierarchy_, light_.basis, shooter);
-  return Evaluate(polynomial, SeenFrom(x, n, end)).max(0.0);
+  return Evaluate(polynomial, SeenFrom(look.x, look.n, end)).max(0.0);
 }
 
 bool Gatherer::IsUneven(Index shooter, double form_factor, const Look& look) const {

@@ -7,6 +7,7 @@
 #include "solver/bake/surroundings.h"
 #include "solver/hierarchy/light.h"
 #include "solver/refine/links.h"
+#include "solver/transport/seen_polygon.h"
 #include "solver/transport/visibility.h"
 
 namespace radbake {
@@ -108,8 +109,8 @@ class Gatherer {
   template <typename Take>
   Estimate AlongLinks(Index leaf, Look& look, const Take& take) const;
 
-  /// What `x` sees of a shooter on the whole.
-  Rgb Shooting(Index shooter, const Vec3& x, const Vec3& n) const;
+  /// What is seen of a shooter on the whole; `form_factor`: about its share of what is seen of all.
+  Rgb Shooting(Index shooter, double form_factor, const Look& look) const;
 
   /// Does the point see so much of a leaf that its mean will not do, as before a shadow or a body's foot?
   bool IsUneven(Index shooter, double form_factor, const Look& look) const;
@@ -123,6 +124,7 @@ class Gatherer {
   const Visibility& visibility_;
   GatherOptions options_;
   double typical_ = 0;                // root mean square of the luminous irradiance
+  std::vector<SeenPolygon> seen_;     // by element of the solver's; not by rays
   std::optional<Emitters> emitters_;  // by rays
 };
 

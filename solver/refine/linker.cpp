@@ -11,6 +11,7 @@
 #include "solver/transport/form_factor.h"
 #include "solver/transport/node_transport.h"
 #include "solver/transport/sampling.h"
+#include "solver/transport/seen_polygon.h"
 
 namespace radbake {
 namespace {
@@ -129,7 +130,8 @@ void Linker::Measure(Link& link) const {
 
 void Linker::MeasureElements(Link& link) const {
   const Polygon receiver = hierarchy_.Shape(link.receiver);
-  const Polygon shooter = hierarchy_.Shape(link.shooter);
+  const SeenPolygon seen(hierarchy_.Shape(link.shooter));
+  const Polygon& shooter = seen.shape();
   // What is below two patches that face one another need not be asked again.
   const bool roots = hierarchy_[link.receiver].level == 0 || hierarchy_[link.shooter].level == 0;
   link.form_factor = link.judged_factor = 0;
@@ -142,15 +144,15 @@ void Linker::MeasureElements(Link& link) const {
   // The sky is so far that the middle sees what all of the receiver does; the contour integral would lose
   // digits.
   const double exchange_area = hierarchy_.IsSky(link.shooter)
-                                   ? area * PointToPolygon(receiver.Centroid(), receiver.normal, shooter)
+                                   ? area * seen.From(receiver.Centroid(), receiver.normal)
                                    : ExchangeArea(receiver, shooter, tolerance_);
   link.form_factor = link.judged_factor = static_cast<float>(exchange_area / area);
   if (!(link.form_factor > 0)) {
     return;
   }
-  link.variation = static_cast<float>(Variation(
-      link.receiver, NearestPoint(receiver, shooter.Centroid()),
-      [&](const Vec3& x) { return PointToPolygon(x, receiver.normal, shooter, kVariationTolerance); }));
+  link.variation = static_cast<float>(
+      Variation(link.receiver, NearestPoint(receiver, shooter.Centroid()),
+                [&](const Vec3& x) { return seen.From(x, receiver.normal, kVariationTolerance); }));
   link.clear = link.clear || visibility_.Clear(receiver, shooter);
   if (link.clear) {
     link.visibility = link.judged = 1;

@@ -11,7 +11,7 @@ namespace radbake {
 /// A place to be summed over, and its weight; the weights of a rule sum to 1.
 struct QuadraturePoint {
   Vec3 x;
-  double weight = 0;
+  double weight;
 };
 
 /// Gauss points inside a triangle or a convex quadrilateral (triangles: Strang and Fix 1973, Dunavant 1985;
@@ -27,6 +27,10 @@ class Quadrature {
 
  private:
   void AddTriangle(const Polygon& triangle, double a, double weight);
+  /// N × N points at these places of [0, 1] in each bilinear coordinate, with these shares of it.
+  template <std::size_t N>
+  void AddQuadrilateral(const Polygon& polygon, const std::array<double, N>& node,
+                        const std::array<double, N>& share);
 
   static constexpr std::size_t kMost = 9;
   std::array<QuadraturePoint, kMost> points_;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 
 #include "solver/transport/coupling.h"
 #include "solver/transport/node_transport.h"
@@ -129,8 +130,13 @@ Rows::Seen Rows::Fill(const Hierarchy& hierarchy, const Links& links, const Ligh
       // would keep no energy.
       return static_cast<double>(link.visibility * link.form_factor);
     }
+    const Vec3& normal = receiver.seen.shape().normal;
+    std::optional<SeenPolygon> shooter;
+    if (IsElement(link.shooter)) {
+      shooter.emplace(hierarchy.Shape(link.shooter));
+    }
     const BasisValues sums = MomentsOver(receiver, [&](const Vec3& x) {
-      return UnoccludedAt(hierarchy, x, receiver.shape.normal, link.shooter, tolerance);
+      return shooter ? shooter->From(x, normal, tolerance) : UnoccludedAt(hierarchy, x, normal, link.shooter);
     });
     const auto visibility = static_cast<double>(link.visibility);
     for (std::size_t i = 1; shaped && i < basis.count(); ++i) {

@@ -2,14 +2,12 @@
 
 #include <algorithm>
 
-#include "solver/transport/form_factor.h"
-
 namespace radbake {
 
 BasisEnd::BasisEnd(const Hierarchy& hierarchy, const Basis& basis, Index element)
-    : shape(hierarchy.Shape(element)),
+    : seen(hierarchy.Shape(element)),
       area(hierarchy[element].area),
-      rule(shape, ProductDegree(basis.count())) {
+      rule(seen.shape(), ProductDegree(basis.count())) {
   for (std::size_t q = 0; q < rule.points().size(); ++q) {
     values[q] = basis.At(element, rule.points()[q].x);
   }
@@ -21,7 +19,7 @@ BasisValues SeenFrom(const Vec3& x, const Vec3& n, const BasisEnd& shooter) {
     const QuadraturePoint& point = shooter.rule.points()[q];
     const Vec3 along = point.x - x;
     const double out = along.dot(n);
-    const double in = -along.dot(shooter.shape.normal);
+    const double in = -along.dot(shooter.seen.shape().normal);
     if (out > 0 && in > 0) {
       const double r2 = along.squaredNorm();
       const double kernel = point.weight * out * in / (r2 * r2);
@@ -43,18 +41,20 @@ BasisValues SeenFrom(const Vec3& x, const Vec3& n, const BasisEnd& shooter) {
 void CoupleShaped(const BasisEnd& receiver, const BasisEnd& shooter, std::size_t count,
                   std::span<float> couplings) {
   std::ranges::fill(couplings, 0.0F);
-  const BasisValues back = MomentsOver(
-      shooter, [&](const Vec3& y) { return PointToPolygon(y, shooter.shape.normal, receiver.shape); });
+  const Vec3& normal = receiver.seen.shape().normal;
+  const Vec3& normal_back = shooter.seen.shape().normal;
+  const BasisValues back =
+      MomentsOver(shooter, [&](const Vec3& y) { return receiver.seen.From(y, normal_back); });
   for (std::size_t j = 1; j < count; ++j) {
     couplings[j - 1] = static_cast<float>(shooter.area / receiver.area * back[j]);
   }
   for (std::size_t q = 0; q < receiver.rule.points().size(); ++q) {
     const QuadraturePoint& point = receiver.rule.points()[q];
-    const double form_factor = point.weight * PointToPolygon(point.x, receiver.shape.normal, shooter.shape);
+    const double form_factor = point.weight * shooter.seen.From(point.x, normal);
     if (!(form_factor > 0)) {
       continue;
     }
-    const BasisValues seen = SeenFrom(point.x, receiver.shape.normal, shooter);
+    const BasisValues seen = SeenFrom(point.x, normal, shooter);
     for (std::size_t i = 1; i < count; ++i) {
       for (std::size_t j = 1; j < count; ++j) {
         couplings[(count - 1) * i + j - 1] +=

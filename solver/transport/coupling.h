@@ -5,6 +5,7 @@
 #include <span>
 
 #include "solver/hierarchy/basis.h"
+#include "solver/transport/seen_polygon.h"
 
 namespace radbake {
 
@@ -12,7 +13,7 @@ namespace radbake {
 struct BasisEnd {
   BasisEnd(const Hierarchy& hierarchy, const Basis& basis, Index element);
 
-  Polygon shape;
+  SeenPolygon seen;
   double area = 0;
   Quadrature rule;
   std::array<BasisValues, 9> values;  ///< by point of the rule

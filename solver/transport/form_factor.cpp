@@ -6,9 +6,11 @@
 #include <limits>
 #include <numbers>
 #include <span>
+#include <tuple>
 #include <utility>
 
 #include "solver/scene/quadrature.h"
+#include "solver/transport/seen_polygon.h"
 
 namespace radbake {
 namespace {
@@ -99,34 +101,52 @@ double LineRootDistance(const Edge& outer, const Edge& inner) {
   return std::hypot(t0 - std::clamp(t0, 0.0, outer.length), r.dot(across) / sine2);
 }
 
+/// The share by which a contour integral may be off.
+struct ContourError {
+  double share;
+  double digits = -std::log(share);
+};
+
 /// ∫ over `outer` of LogIntegral(·, inner). The integrand is analytic but where `outer` comes close to the
 /// ends of `inner`, or to the line through it if they are not parallel: halved until the distance is as large
-/// as the piece, the rule converges geometrically.
-double EdgePairIntegral(const Edge& outer, const Edge& inner, bool parallel) {
+/// as the piece, the rule converges geometrically. Pieces below `shortest` all lie at one point, and matter
+/// to nothing.
+double EdgePairIntegral(const Edge& outer, const Edge& inner, bool parallel, const ContourError& error,
+                        double shortest) {
   double distance = std::min(PointSegmentDistance(inner.start, outer),
                              PointSegmentDistance(inner.start + inner.length * inner.direction, outer));
   if (!parallel) {
     distance = std::min(distance, LineRootDistance(outer, inner));
   }
-  // Pieces of rounding's size all lie at one point, and matter to nothing.
-  constexpr double kShortest = 1e-14;
-  if (distance < outer.length && outer.length > kShortest) {
+  if (distance < outer.length && outer.length > shortest) {
     const double half = 0.5 * outer.length;
-    return EdgePairIntegral({outer.start, outer.direction, half}, inner, parallel) +
-           EdgePairIntegral({outer.start + half * outer.direction, outer.direction, half}, inner, parallel);
+    return EdgePairIntegral({outer.start, outer.direction, half}, inner, parallel, error, shortest) +
+           EdgePairIntegral({outer.start + half * outer.direction, outer.direction, half}, inner, parallel,
+                            error, shortest);
   }
   // An n-point rule errs by ρ^(−2n), ρ the sum of the semi-axes of the largest ellipse of analyticity; the
   // terms of the contour cancel down to about (length/distance)² of their size.
   const double ratio = std::max(1.0, 2 * distance / outer.length);
   const double rho = ratio + std::sqrt(1 + ratio * ratio);
+  constexpr int kFewest = 3;
   const int n =
-      std::clamp(static_cast<int>(std::ceil((0.5 * std::log(1e9) + std::log(ratio)) / std::log(rho))), 3,
+      std::clamp(static_cast<int>(std::ceil((0.5 * error.digits + std::log(ratio)) / std::log(rho))), kFewest,
                  GaussRules::kMaxOrder);
   double sum = 0;
   for (const GaussPoint& point : kGauss[n]) {
     sum += point.weight * LogIntegral(outer.start + point.node * outer.length * outer.direction, inner);
   }
   return sum * outer.length;
+}
+
+double EdgePairIntegral(const Edge& a, const Edge& b, bool parallel, const ContourError& error) {
+  // The shorter edge outside: fewer points, and the closed form takes the long way. What it exchanges is
+  // about its own square, of which a piece gives up to its length times that of the other.
+  const Edge& outer = a.length < b.length ? a : b;
+  const Edge& inner = a.length < b.length ? b : a;
+  constexpr double kRounding = 1e-14;
+  return EdgePairIntegral(outer, inner, parallel, error,
+                          std::max(kRounding, error.share * outer.length * outer.length / inner.length));
 }
 
 int MakeEdges(const Polygon& polygon, std::array<Edge, 7>& edges) {
@@ -160,52 +180,18 @@ Extent ExtentOver(const Polygon& polygon, const Plane& plane) {
 // Distances to a plane below this are rounding of unit-sized coordinates: the polygons touch or are coplanar.
 constexpr double kOnPlane = 1e-12;
 
-/// Clips to the front of the plane where there is something to clip. False if nothing is in front.
-bool KeepFront(Polygon& polygon, const Plane& plane) {
+/// Clips to the front of the plane where there is something to clip, which `clipped` is told. False if
+/// nothing is in front.
+bool KeepFront(Polygon& polygon, const Plane& plane, bool& clipped) {
   const Extent extent = ExtentOver(polygon, plane);
   if (extent.front <= kOnPlane) {
     return false;
   }
   if (extent.behind > kOnPlane) {
     polygon = ClipToFront(polygon, plane);
+    clipped = true;
   }
   return polygon.count >= 3;
-}
-
-/// θ / sin θ · 1/|u|·|v|, for sine2 = (|u|·|v|·sin θ)² and cosine = |u|·|v|·cos θ; 0 where sin θ is. By the
-/// power series of the arc tangent where tan² of the angle, halved often enough, is small: to the last
-/// digits, and in a third of the time of atan2().
-double AngleOverSine(double sine2, double cosine) {
-  if (!(cosine > 0)) {
-    const double sine = std::sqrt(sine2);
-    return sine > 0 ? std::atan2(sine, cosine) / sine : 0;
-  }
-  constexpr double kSmall = 0.05;
-  double rest = cosine;  // tan of the part of the angle = sine / rest
-  double parts = 1;
-  while (sine2 > kSmall * rest * rest) {
-    rest += std::sqrt(rest * rest + sine2);
-    parts *= 2;
-  }
-  const double t = -sine2 / (rest * rest);
-  double series = 1.0 / 21;
-  for (int odd = 19; odd > 0; odd -= 2) {
-    series = series * t + 1.0 / odd;
-  }
-  return parts * series / rest;
-}
-
-/// Σ θ_k·n·(v_k × u_k)/|v_k × u_k| / 2π over the edges of what is in front of the horizon (Lambert 1760).
-double Lambert(const Vec3& x, const Vec3& n, const Polygon& visible) {
-  double sum = 0;
-  Vec3 u = visible[std::max(visible.count, 1) - 1] - x;
-  for (int k = 0; k < visible.count; ++k) {
-    const Vec3 v = visible[k] - x;
-    const Vec3 normal = v.cross(u);
-    sum += AngleOverSine(normal.squaredNorm(), u.dot(v)) * normal.dot(n);
-    u = v;
-  }
-  return std::clamp(sum / kTwoPi, 0.0, 1.0);
 }
 
 /// The degree of the points that err by less than `tolerance`, for ends of this radius squared, altogether,
@@ -253,63 +239,80 @@ double BetweenPoints(const Polygon& i, const Polygon& j, int degree) {
   return std::max(0.0, std::numbers::inv_pi * on_i.area() * on_j.area() * sum);
 }
 
-}  // namespace
-
-double PointToPolygon(const Vec3& x, const Vec3& n, const Polygon& polygon, double tolerance) {
-  const double height = PlaneOf(polygon).Distance(x);
-  if (height <= 0) {
-    return 0;
+/// The same by the points of one, in closed form over the other.
+double FromPoints(const Polygon& from, const Polygon& to) {
+  const Quadrature on_from(from, 4);
+  const SeenPolygon seen(to);
+  double sum = 0;
+  for (const QuadraturePoint& point : on_from.points()) {
+    sum += point.weight * seen.From(point.x, from.normal);
   }
-  const Plane horizon{n, n.dot(x)};
-  const Extent extent = ExtentOver(polygon, horizon);
-  if (extent.front <= kOnPlane) {
-    return 0;
-  }
-  if (extent.behind > kOnPlane) {
-    return Lambert(x, n, ClipToFront(polygon, horizon));
-  }
-  if (tolerance > 0 && polygon.count <= 4) {
-    const Vec3 centre = polygon.Centroid();
-    if (const int degree = DegreeFor(SquaredRadius(polygon, centre), (centre - x).squaredNorm(), tolerance)) {
-      const Quadrature rule(polygon, degree);
-      return std::numbers::inv_pi * height * rule.area() * SumOver(rule, x, n);
-    }
-  }
-  return Lambert(x, n, polygon);
+  return on_from.area() * sum;
 }
 
-double ExchangeArea(const Polygon& i, const Polygon& j, double tolerance) {
-  Polygon front_i = i;
-  Polygon front_j = j;
-  if (!KeepFront(front_i, PlaneOf(j)) || !KeepFront(front_j, PlaneOf(i))) {
-    return 0;
-  }
-  if (tolerance > 0 && front_i.count <= 4 && front_j.count <= 4) {
-    const Vec3 centre_i = front_i.Centroid();
-    const Vec3 centre_j = front_j.Centroid();
-    const double radius =
-        std::sqrt(SquaredRadius(front_i, centre_i)) + std::sqrt(SquaredRadius(front_j, centre_j));
-    if (const int degree = DegreeFor(radius * radius, (centre_i - centre_j).squaredNorm(), tolerance)) {
-      return BetweenPoints(front_i, front_j, degree);
-    }
-  }
+/// Do the points of one, of this squared radius, err by less than `tolerance` beside the other? Measured as
+/// DegreeFor; `grazing`: of polygons that were clipped.
+bool MayTakePointsOf(const Vec3& centre, double radius2, const Polygon& other, bool grazing,
+                     double tolerance) {
+  const double q2 = radius2 / (NearestPoint(other, centre) - centre).squaredNorm();
+  return (grazing ? 5e-3 : 1e-3) * q2 * q2 <= tolerance;
+}
+
+/// Which of two is taken apart, so that it does not matter which one is asked from.
+bool IsBefore(double radius2_i, const Vec3& centre_i, double radius2_j, const Vec3& centre_j) {
+  return std::tie(radius2_i, centre_i[0], centre_i[1], centre_i[2]) <
+         std::tie(radius2_j, centre_j[0], centre_j[1], centre_j[2]);
+}
+
+/// A_i·F_ij by the contours of both.
+double BetweenContours(const Polygon& i, const Polygon& j, const ContourError& error) {
   std::array<Edge, 7> edges_i;
   std::array<Edge, 7> edges_j;
-  const int count_i = MakeEdges(front_i, edges_i);
-  const int count_j = MakeEdges(front_j, edges_j);
+  const int count_i = MakeEdges(i, edges_i);
+  const int count_j = MakeEdges(j, edges_j);
   double sum = 0;
   for (const Edge& a : std::span(edges_i.data(), static_cast<std::size_t>(count_i))) {
     for (const Edge& b : std::span(edges_j.data(), static_cast<std::size_t>(count_j))) {
       const double cosine = a.direction.dot(b.direction);
       if (std::abs(cosine) > 1e-15) {
         const bool parallel = std::abs(cosine) > 1 - 1e-12;
-        // The shorter edge outside: fewer points, and the closed form takes the long way.
-        sum += cosine *
-               (a.length < b.length ? EdgePairIntegral(a, b, parallel) : EdgePairIntegral(b, a, parallel));
+        sum += cosine * EdgePairIntegral(a, b, parallel, error);
       }
     }
   }
   return std::max(0.0, sum / kTwoPi);
+}
+
+}  // namespace
+
+double ExchangeArea(const Polygon& i, const Polygon& j, double tolerance) {
+  Polygon front_i = i;
+  Polygon front_j = j;
+  bool clipped = false;
+  if (!KeepFront(front_i, PlaneOf(j), clipped) || !KeepFront(front_j, PlaneOf(i), clipped)) {
+    return 0;
+  }
+  if (tolerance > 0 && front_i.count <= 4 && front_j.count <= 4) {
+    const Vec3 centre_i = front_i.Centroid();
+    const Vec3 centre_j = front_j.Centroid();
+    const double radius2_i = SquaredRadius(front_i, centre_i);
+    const double radius2_j = SquaredRadius(front_j, centre_j);
+    const double radius = std::sqrt(radius2_i) + std::sqrt(radius2_j);
+    if (const int degree = DegreeFor(radius * radius, (centre_i - centre_j).squaredNorm(), tolerance)) {
+      return BetweenPoints(front_i, front_j, degree);
+    }
+    if (IsBefore(radius2_i, centre_i, radius2_j, centre_j)) {
+      if (MayTakePointsOf(centre_i, radius2_i, front_j, clipped, tolerance)) {
+        return FromPoints(front_i, front_j);
+      }
+    } else if (MayTakePointsOf(centre_j, radius2_j, front_i, clipped, tolerance)) {
+      return FromPoints(front_j, front_i);
+    }
+  }
+  // Grazing ones cancel further.
+  constexpr double kExact = 1e-9;
+  constexpr double kOfTolerance = 0.1;
+  return BetweenContours(front_i, front_j, {std::max(kExact, kOfTolerance * tolerance)});
 }
 
 }  // namespace radbake

@@ -8,9 +8,9 @@
 #include <optional>
 #include <utility>
 
-#include "solver/transport/form_factor.h"
 #include "solver/transport/punctual.h"
 #include "solver/transport/sampling.h"
+#include "solver/transport/seen_polygon.h"
 
 namespace radbake {
 namespace {

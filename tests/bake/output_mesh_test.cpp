@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "solver/bake/emit.h"
-#include "solver/transport/form_factor.h"
+#include "solver/transport/seen_polygon.h"
 #include "tests/solve/solved_scene_test.h"
 #include "tests/test_scenes.h"
 

@@ -9,6 +9,7 @@
 #include "solver/transport/form_factor.h"
 #include "solver/transport/ray_caster.h"
 #include "solver/transport/sampling.h"
+#include "solver/transport/seen_polygon.h"
 #include "solver/transport/shaft.h"
 #include "tests/bench/bench.h"
 

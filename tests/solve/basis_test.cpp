@@ -17,6 +17,7 @@
 #include "solver/solve/radiosity_operator.h"
 #include "solver/transport/coupling.h"
 #include "solver/transport/form_factor.h"
+#include "solver/transport/seen_polygon.h"
 #include "tests/solve/solved_scene_test.h"
 #include "tests/test_scenes.h"
 #include "tests/transport/plate_pair_test.h"
@@ -235,7 +236,7 @@ TEST(BasisRows, HaveTheFormFactorsMomentsAsFarAsItIsVisible) {
     for (std::size_t l = 0; l < own.size(); ++l) {
       const Polygon shooter = solved.hierarchy.Shape(own[l].shooter);
       const BasisValues moments = MomentsOver(
-          receiver, [&](const Vec3& x) { return PointToPolygon(x, receiver.shape.normal, shooter); });
+          receiver, [&](const Vec3& x) { return PointToPolygon(x, receiver.seen.shape().normal, shooter); });
       partly += own[l].visibility < 1 ? 1U : 0U;
       for (std::size_t i = 1; i < 3; ++i) {
         const double expected =

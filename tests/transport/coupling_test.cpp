@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "solver/transport/form_factor.h"
+#include "solver/transport/seen_polygon.h"
 #include "tests/transport/plate_pair_test.h"
 
 namespace radbake {

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "solver/refine/hierarchical.h"
+#include "solver/transport/seen_polygon.h"
 
 namespace radbake {
 namespace {
@@ -158,7 +159,7 @@ TEST(FormFactors, ByPointsErrByLessThanTheirToleranceOnTheAverage) {
   for (const double tolerance : {1e-5, 1e-4, 1e-3}) {
     Errors between;
     Errors from_point;
-    for (int k = 0; k < 4000; ++k) {
+    for (int k = 0; k < 8000; ++k) {
       const Polygon a = RandomPolygon(random, 1);
       Polygon b = RandomPolygon(random, std::pow(10, unit(random) - 0.5));
       const Vec3 away = std::pow(10, unit(random)) * RandomPolygon(random, 1).normal;

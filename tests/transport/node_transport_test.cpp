@@ -6,6 +6,7 @@
 
 #include "solver/transport/form_factor.h"
 #include "solver/transport/punctual.h"
+#include "solver/transport/seen_polygon.h"
 #include "tests/test_scenes.h"
 
 namespace radbake {

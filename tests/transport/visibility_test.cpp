@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "solver/transport/form_factor.h"
+#include "solver/transport/seen_polygon.h"
 #include "tests/test_scenes.h"
 
 namespace radbake {
