@@ -1,7 +1,7 @@
 """Bakes a scene with Blender's Cycles, as a lightmap, for comparison; runs inside Blender (3.4 of Debian 12):
 
-    blender --background --factory-startup --python-exit-code 1 --python cycles.py -- SCENE.glb BAKED.glb
-            [--samples 64] [--texels 65536] [--threads 2] [--environment 1,1,1]
+    blender --background --factory-startup --python-exit-code 1 --python cycles.py --
+            SCENE.glb BAKED.glb [--samples 64] [--texels 65536] [--threads 2] [--environment 1,1,1]
 
 BAKED.glb is the map as triangles with _IRRADIANCE in lx, for `radbake check`; beside it, BAKED.json says what it cost.
 Times are of the bake alone: neither Blender's start nor reading, unwrapping and writing counts.

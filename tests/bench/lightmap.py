@@ -10,6 +10,7 @@ import math
 CREASE = 0.9  # cosine of the angle at which a chart ends
 SMALLEST = 2  # texels a side of a chart: of two rows and columns a triangle covers two centres at least
 GAP = 1       # texels between charts
+LONGEST = 8   # edges along which a chart may lie
 
 
 def sub(a, b):
@@ -52,7 +53,7 @@ class Chart:
 
 
 def connected(faces, normals):
-    """Lists of faces: each begins with the largest that is left and takes in what joins it and is not beyond a crease."""
+    """Lists of faces: each begins with the largest that is left and takes in what joins it without a crease."""
     at_edge = {}
     for f, face in enumerate(faces):
         for k in range(3):
@@ -72,17 +73,27 @@ def connected(faces, normals):
         yield chart
 
 
+def outline(faces, numbers):
+    """The vectors along the edges of these faces that no other of them shares, the longest first."""
+    edges = {(faces[f][k], faces[f][(k + 1) % 3]) for f in numbers for k in range(3)}
+    return sorted((sub(b, a) for a, b in edges if (b, a) not in edges), key=lambda edge: -dot(edge, edge))
+
+
 def project(faces, numbers, along):
-    """Along the unit vector `along`; u is the longest edge of the first face."""
-    first = faces[numbers[0]]
-    edge = max((sub(first[(k + 1) % 3], first[k]) for k in range(3)), key=lambda e: dot(e, e))
-    u_axis = unit(edge)
-    v_axis = cross(along, u_axis)
-    flat = {f: [(dot(point, u_axis), dot(point, v_axis)) for point in faces[f]] for f in numbers}
-    low = [min(corner[axis] for corners in flat.values() for corner in corners) for axis in (0, 1)]
-    high = [max(corner[axis] for corners in flat.values() for corner in corners) for axis in (0, 1)]
+    """Along a unit vector, into the smallest rectangle that lies along one of the longest edges around: the smallest of
+    all lies along one (Freeman and Shapira 1975), and charts have few long ones.
+    """
+    def lie(edge):
+        u_axis = unit(cross(cross(along, edge), along))
+        v_axis = cross(along, u_axis)
+        flat = {f: [(dot(point, u_axis), dot(point, v_axis)) for point in faces[f]] for f in numbers}
+        low, high = (tuple(choose(corner[axis] for corners in flat.values() for corner in corners) for axis in (0, 1))
+                     for choose in (min, max))
+        return flat, low, (high[0] - low[0], high[1] - low[1])
+
+    flat, low, extent = min((lie(edge) for edge in outline(faces, numbers)[:LONGEST]), key=lambda at: math.prod(at[2]))
     places = {f: [(u - low[0], v - low[1]) for u, v in corners] for f, corners in flat.items()}
-    return Chart(places, (high[0] - low[0], high[1] - low[1]), sum(area(corners) for corners in places.values()))
+    return Chart(places, extent, sum(area(corners) for corners in places.values()))
 
 
 def area(corners):
