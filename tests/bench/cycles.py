@@ -10,7 +10,8 @@ All faces are joined to one mesh with pure Lambert materials: base colour and em
 uses them. A single-sided surface is black on its back; a double-sided one is baked a second time, turned around. No
 denoiser, no clamping, no light threshold, paths as long as they are. Radiance in W/(m²·sr) stands for cd/m², so the
 diffuse light that Cycles bakes without the surface's colour, which is E/π, times π is in lx. A spot, and a light with a
-`range`, are refused: Blender's differ from those of KHR_lights_punctual.
+`range`, are refused: Blender's differ from those of KHR_lights_punctual. Windows get no light portals, which the scenes
+have not.
 """
 import argparse
 import array
