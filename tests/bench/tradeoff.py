@@ -1,13 +1,16 @@
 #!/usr/bin/env python3
 """What each method gives for its cost: measured error against time, links and rays, links against elements, memory.
 
-    tradeoff.py --radbake build/release/bin/radbake --out build/tradeoff [--scenes cornell-box,two-rooms]
+    tradeoff.py --radbake build/release/bin/radbake --out build/tradeoff [--publish tests/bench]
+    tradeoff.py … --parts cornell-box,growth --keep
 
 Runs `radbake bake` for every method and basis over its accuracy range on each scene, without the final gather and, for
-the default, with it, and `radbake check` on every result.
-Writes tradeoff.json (all that was measured), tradeoff.md (tables) and one SVG a scene and quantity into --out. A
-method's range ends where a bake takes longer than --longest seconds. Times are processor seconds of the bake, without
-the check. Needs nothing but Python 3.
+the default, with it, and `radbake check` on every result. Where there is a `blender`, Cycles bakes the scene too
+(cycles.py). Two more parts are `growth`, links against elements in the Cornell box, and `touching`, two plates that
+touch at a right angle.
+Writes tradeoff.json (all that was measured), tradeoff.md (tables) and SVGs into --out, anew after each part; --publish
+copies tradeoff.md and the plots that it shows. A range ends where a bake takes longer than --longest. Times are
+processor seconds of the bake, without the check. Needs nothing but Python 3.
 """
 import argparse
 import base64
@@ -17,12 +20,13 @@ import os
 import pathlib
 import resource
 import shutil
+import signal
 import struct
 import subprocess
 import sys
-import time
 
-from tradeoff_plot import log_plot
+from tradeoff_report import (CYCLES, DEFAULT, GROWTH, MOST_PATCHES, SHOWN, TOUCHING, exponent, markdown,
+                             write_plots)
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 OURS = ROOT / "scenes"
@@ -37,12 +41,12 @@ SOLUTIONS = {
     "adaptive, quadratic": ["--method", "adaptive", "--basis", "quadratic"],
 }
 CURVES = {name: [*flags, "--final-gather", "off"] for name, flags in SOLUTIONS.items()}
-DEFAULT = "adaptive, final gather"
 CURVES[DEFAULT] = ["--method", "adaptive"]
 ERRORS = (0.2, 0.1, 0.05, 0.03, 0.02, 0.014, 0.01)
-DIAL = (0.1, 0.05, 0.02, 0.01)
-# Methods that link all pairs of patches at least: of more patches than this they would need all memory.
-FLAT, MOST_PATCHES = ("matrix", "two-level"), 300
+SAMPLES = (4, 16, 64, 256, 1024)
+TEXELS = 65536
+# Methods that link all pairs of patches at least.
+FLAT = ("matrix", "two-level")
 SCENES = {
     "cornell-box": (OURS / "cornell-box.glb", []),
     "two-rooms": (OURS / "two-rooms.glb", []),
@@ -57,7 +61,9 @@ SCENES = {
     "cornell-box-bevy": (SHARED / "cornell-box-bevy.glb", []),
     "living-room": (SHARED / "living-room.glb", ["--environment.radiance", "[1, 1, 1]"]),
     "spheres-room": (SHARED / "spheres-room.glb", []),
+    "furnished-room": (None, []),  # made in --out
 }
+FURNISHED = 10_000  # triangles
 
 
 def touching_plates():
@@ -80,56 +86,95 @@ def touching_plates():
                       {"bufferView": 1, "componentType": 5123, "count": 12, "type": "SCALAR"}]}
 
 
+class Refused(Exception):
+    """Cycles has no such scene; says why."""
+
+
 class Bench:
-    def __init__(self, radbake, out, probes, longest):
-        self.radbake, self.out, self.probes, self.longest = radbake, out, probes, longest
+    def __init__(self, radbake, blender, out, probes, longest):
+        self.radbake, self.blender, self.out, self.probes, self.longest = radbake, blender, out, probes, longest
+        self.baked = out / "baked.glb"
+
+    def timed(self, command, beside=0):
+        """The processor seconds of a command; None if it took twice the limit and what it does beside the bake."""
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+
+        def limit():
+            resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(2 * self.longest + beside), resource.RLIM_INFINITY))
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        done = subprocess.run(command, preexec_fn=limit, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        if done.returncode == -signal.SIGXCPU:
+            return None
+        if done.returncode:
+            raise subprocess.CalledProcessError(done.returncode, command, stderr=done.stderr)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+    def check(self, path, scene_flags):
+        command = [self.radbake, "check", path, self.baked, "--probes", str(self.probes), "--json", *scene_flags]
+        return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
     def bake(self, scene, flags, checked=True):
-        """One bake: what it cost, and its measured error; None if it took longer than twice the limit."""
+        """One bake: what it cost, and its measured error; None if it took twice the limit."""
         path, scene_flags = scene
-        baked, statistics = self.out / "baked.glb", self.out / "statistics.json"
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        start = time.monotonic()
-        command = [self.radbake, "bake", path, "-o", baked, "--statistics", statistics, "--check", "0",
-                   "--progress", "none", *scene_flags, *flags]
-        try:
-            subprocess.run(command, check=True, timeout=2 * self.longest,
-                           stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        except subprocess.TimeoutExpired:
+        statistics = self.out / "statistics.json"
+        seconds = self.timed([self.radbake, "bake", path, "-o", self.baked, "--statistics", statistics, "--check", "0",
+                              "--progress", "none", *scene_flags, *flags])
+        if seconds is None:
             return None
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
         told = json.loads(statistics.read_text())
-        last = told["iterations"][-1]
+        last, memory = told["iterations"][-1], told["memory"]
         run = {
-            "flags": flags, "wall_seconds": time.monotonic() - start,
-            "seconds": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
-            "solve_seconds": told["time"]["solve"], "elements": last["elements"], "links": last["links"],
+            "flags": flags, "seconds": seconds, "elements": last["elements"], "links": last["links"],
             "factors": last["factors"], "applications": sum(i["sweeps"] for i in told["iterations"]),
             "rays": told["rays"]["count"], "vertices": told["output"]["vertices"],
-            "imbalance": told["energy"]["imbalance"], "peak_bytes": told["memory"]["peak_bytes"],
+            "imbalance": told["energy"]["imbalance"], "peak_bytes": memory["peak_bytes"],
+            "solve_bytes": memory["bytes_per_element"] * last["elements"] + memory["bytes_per_link"] * last["links"],
             "patches": told["scene"]["patches"], "stopped_by": told["stopped_by"],
         }
         if checked:
-            run["error"] = json.loads(subprocess.run(
-                [self.radbake, "check", path, baked, "--probes", str(self.probes), "--json", *scene_flags],
-                check=True, capture_output=True, text=True).stdout)
+            run["error"] = self.check(path, scene_flags)
         return run
 
-    def sweep(self, scene, settings, checked=True):
+    def cycles(self, scene, samples):
+        """The same of Cycles' bake; its seconds are of the bake alone, without unwrapping and writing."""
+        path, scene_flags = scene
+        environment = json.loads(scene_flags[1]) if scene_flags else [0, 0, 0]
+        try:
+            seconds = self.timed([
+                self.blender, "--background", "--factory-startup", "--python-exit-code", "1",
+                "--python", ROOT / "tests" / "bench" / "cycles.py", "--", path, self.baked, "--samples", str(samples),
+                "--texels", str(TEXELS), "--threads", str(os.cpu_count()),
+                "--environment", ",".join(map(str, environment))], beside=60)
+        except subprocess.CalledProcessError as error:
+            said = [line for line in error.stderr.splitlines() if line.startswith("cycles: ")]
+            if said:
+                raise Refused(said[-1].removeprefix("cycles: ")) from None
+            raise
+        if seconds is None:
+            return None
+        return {**json.loads(self.baked.with_suffix(".json").read_text()), "error": self.check(path, scene_flags)}
+
+    def sweep(self, settings, bake):
         """Bakes by one setting after the other, until one takes too long."""
         runs = []
-        for flags in settings:
-            run = self.bake(scene, flags, checked)
+        for setting in settings:
+            run = bake(setting)
             if run is None:
                 break
             runs.append(run)
-            print("   ", *flags, f"{run['seconds']:.1f} s", f"{run['links']} links",
-                  f"{100 * run['error']['relative_rms']:.2f} %" if checked else "", flush=True)
-            if run["wall_seconds"] > self.longest:
+            print("   ", *(setting if isinstance(setting, list) else [setting]), f"{run['seconds']:.1f} s",
+                  f"{run['links']} links" if "links" in run else "",
+                  f"{100 * run['error']['relative_rms']:.2f} %" if "error" in run else "", flush=True)
+            if run["seconds"] > self.longest:
                 break
         return runs
 
     def trade(self, name, curves):
+        scene = SCENES[name]
+        if name == "furnished-room":
+            scene = self.out / "furnished-room.glb", []
+            subprocess.run([sys.executable, OURS / "make_room.py", str(FURNISHED), scene[0]], check=True)
         runs = {}
         patches = 0
         # The quick ones first: it says how many patches there are.
@@ -138,29 +183,27 @@ class Bench:
                 continue
             print(f"  {name}, {curve}", flush=True)
             settings = [["--error", str(error), *flags] for error in ERRORS]
-            runs[curve] = self.sweep(SCENES[name], settings)
+            runs[curve] = self.sweep(settings, lambda flags: self.bake(scene, flags))
             patches = max([patches] + [run["patches"] for run in runs[curve]])
-        return {"runs": runs, "patches": patches}
+        found = {"runs": runs, "patches": patches}
+        if self.blender and CYCLES in curves:
+            print(f"  {name}, {CYCLES}", flush=True)
+            try:
+                found["cycles"] = self.sweep(SAMPLES, lambda samples: self.cycles(scene, samples))
+            except Refused as reason:
+                found["refused"] = str(reason)
+        return found
 
-    def growth(self, scene, settings_by_name):
-        """Links against elements, with the exponent fitted to the finer half of the settings."""
+    def growth(self, scene, settings_by_name, checked=False):
+        """Links and bytes against elements, with the exponents fitted to the finer half of the settings."""
         growth = {}
         for name, settings in settings_by_name.items():
             print(f"  links of {name}", flush=True)
-            runs = self.sweep(scene, settings, checked=False)
-            growth[name] = {"runs": runs, "exponent": exponent(runs[len(runs) // 2 - 1:])}
+            runs = self.sweep(settings, lambda flags: self.bake(scene, flags, checked))
+            finer = runs[max(0, len(runs) // 2 - 1):]
+            growth[name] = {"runs": runs, "exponent": exponent(finer, "links"),
+                            "memory_exponent": exponent(finer, "solve_bytes")}
         return growth
-
-
-def exponent(runs):
-    """The slope of the regression line of ln links over ln elements."""
-    points = [(math.log(run["elements"]), math.log(run["links"])) for run in runs]
-    points = sorted(set(points))
-    if len(points) < 2:
-        return None
-    x0 = sum(x for x, _ in points) / len(points)
-    y0 = sum(y for _, y in points) / len(points)
-    return sum((x - x0) * (y - y0) for x, y in points) / sum((x - x0) ** 2 for x, _ in points)
 
 
 def growth_settings():
@@ -180,124 +223,72 @@ def growth_settings():
 
 
 def touching_settings():
-    """The form-factor oracle alone, no smallest area in its way; and the energy oracle."""
+    """The form-factor oracle as both its thresholds fall, and as the smallest area alone does; and the energy oracle
+    without a smallest area.
+
+    At a distance r a link's elements have the size h = r·√(π·F_max), but not below √A_min. Over two plates that touch
+    this makes 1/√(F_max·A_min) elements and 1/√(F_max³·A_min) links: at a fixed A_min, of a coarser sweep, links grow
+    as the third power of the elements, and at a fixed F_max as the first. Neither is what Garmann looks at, who lets
+    the threshold fall and keeps the geometry; with A_min in proportion it is the second.
+    """
+    def flags(method, *more):
+        return ["--method", method, "--error", "0.5", "--final-gather", "off", *more]
+
+    def energy(basis):
+        return [flags("adaptive", "--basis", basis, "--oracle.a_min", "1e-7", "--oracle.w_min", str(w))
+                for w in (1.6e-2, 4e-3, 1e-3, 2.5e-4, 6.4e-5, 1.6e-5, 4e-6, 1e-6)]
     return {
-        "form factor": [["--method", "hierarchical", "--error", "0.5", "--oracle.a_min", "1e-5",
-                         "--oracle.f_max", str(f)] for f in (0.2, 0.1, 0.05, 0.025, 0.0125, 0.00625)],
-        "energy": [["--method", "adaptive", "--basis", "constant", "--error", "0.5", "--oracle.a_min", "1e-5",
-                    "--oracle.w_min", str(w)]
-                   for w in (1.6e-2, 4e-3, 1e-3, 2.5e-4, 6.4e-5, 1.6e-5, 4e-6)],
+        "form factor": [flags("hierarchical", "--oracle.f_max", str(f), "--oracle.a_min", str(f / 16))
+                        for f in (0.1, 0.05, 0.025, 0.0125, 0.00625, 0.003125, 0.0015625)],
+        "form factor, A_min alone": [flags("hierarchical", "--oracle.f_max", "0.1", "--oracle.a_min", str(a))
+                                     for a in (1e-3, 2.5e-4, 6.3e-5, 1.6e-5, 4e-6, 1e-6)],
+        "energy": energy("constant"),
+        "energy, linear": energy("linear"),
     }
-
-
-def factors_to(runs, error):
-    """Form factors of the cheapest run whose measured error is at most this."""
-    enough = [run["factors"] for run in runs if run["error"]["relative_rms"] <= error]
-    return min(enough, default=None)
-
-
-def write_plots(report, out):
-    for name, scene in report["scenes"].items():
-        for quantity, label in (("seconds", "processor seconds"), ("links", "links"), ("rays", "rays"),
-                                ("factors", "form factors"), ("peak_bytes", "peak memory in bytes")):
-            curves = {curve: [(run[quantity], 100 * run["error"]["relative_rms"]) for run in runs]
-                      for curve, runs in scene["runs"].items()}
-            (out / f"{name}-{quantity}.svg").write_text(
-                log_plot(f"{name}: measured error", label, "relative RMS error in %", curves))
-    for key, title in (("growth", "Links of the Cornell box"), ("touching", "Links of two touching plates")):
-        curves = {f"{name} ({one['exponent']:.2f})": [(run["elements"], run["links"]) for run in one["runs"]]
-                  for name, one in report[key].items() if one["exponent"] is not None}
-        (out / f"{key}.svg").write_text(log_plot(f"{title}, with the exponent", "elements", "links", curves))
-
-
-def table(header, rows):
-    lines = ["| " + " | ".join(header) + " |", "|" + " --- |" * len(header)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
-
-
-def dial(report):
-    """What was asked for, and what came out, by default; of errors that a second check would also find."""
-    rows, ratios = [], []
-    for name, scene in report["scenes"].items():
-        measured = {float(run["flags"][1]): run["error"]["relative_rms"] for run in scene["runs"].get(DEFAULT, [])}
-        measured = {error: measured[error] for error in DIAL if error in measured}
-        ratios += [found / error for error, found in measured.items()]
-        rows.append([name] + [f"{100 * measured[error]:.2f} %" if error in measured else "–" for error in DIAL])
-    if not ratios:
-        return ""
-    share = sum(ratio <= 1 for ratio in ratios) / len(ratios)
-    used = sum(ratio >= 1 / 3 for ratio in ratios) / len(ratios)
-    return ("\n## The dial: asked and measured\n\n" +
-            table([""] + [f"{100 * error:g} %" for error in DIAL], rows) +
-            f"\nAt most what was asked in {100 * share:.0f} % of {len(ratios)} cases, at worst {max(ratios):.2f} times "
-            f"it; above a third of it in {100 * used:.0f} %.\n")
-
-
-def markdown(report):
-    text = f"# The trade, measured\n\n{report['blender']}.\n" + dial(report)
-    for name, scene in report["scenes"].items():
-        text += f"\n## {name}\n\n"
-        if scene["patches"] > MOST_PATCHES:
-            text += f"`matrix` and `two-level` link all pairs of its {scene['patches']} patches: not run.\n\n"
-        rows = []
-        for curve, runs in scene["runs"].items():
-            for run in runs:
-                error = run["error"]
-                rows.append([curve, f"{100 * float(run['flags'][1]):g} %",
-                             f"{100 * error['relative_rms']:.2f} % ({100 * error['low']:.2f} to "
-                             f"{100 * error['high']:.2f})", f"{100 * error['bias']:.2f} %",
-                             f"{100 * run['imbalance']:.2f} %", f"{run['elements']:,}", f"{run['links']:,}",
-                             f"{run['factors']:,}", f"{run['rays'] / 1e6:.1f} million", f"{run['seconds']:.1f}",
-                             f"{run['peak_bytes'] / 1e6:.0f} MB"])
-        text += table(["", "asked", "measured", "bias", "imbalance", "elements", "links", "form factors",
-                       "rays", "seconds", "memory"], rows)
-        needed = {curve: factors_to(runs, 0.02) for curve, runs in scene["runs"].items()}
-        text += "\nForm factors to 2 %: " + ", ".join(
-            f"{curve} {count:,}" if count else f"{curve} more than its range here"
-            for curve, count in needed.items()) + ".\n"
-    for key, title in (("growth", "Links against elements, the Cornell box"),
-                       ("touching", "Two plates that touch at a right angle (Garmann 1995)")):
-        text += f"\n## {title}\n\n"
-        text += table(["", "exponent", "elements: links"],
-                      [[name, "–" if one["exponent"] is None else f"{one['exponent']:.2f}",
-                        ", ".join(f"{run['elements']:,}: {run['links']:,}" for run in one["runs"])]
-                       for name, one in report[key].items()])
-    return text
 
 
 def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--radbake", required=True)
     arguments.add_argument("--out", required=True, type=pathlib.Path)
-    arguments.add_argument("--scenes", help="names, with commas; all by default")
-    arguments.add_argument("--curves", help="names, with semicolons; all by default")
+    arguments.add_argument("--publish", type=pathlib.Path, help="folder for tradeoff.md and the plots that it shows")
+    arguments.add_argument("--blender", default=shutil.which("blender"), help="its program (default: that of the path)")
+    arguments.add_argument("--parts", help=f"scenes, {GROWTH}, {TOUCHING}, with commas; all by default")
+    arguments.add_argument("--keep", action="store_true", help="the other parts that --out already has")
+    arguments.add_argument("--curves", help="of the scenes, with semicolons; all by default")
     arguments.add_argument("--probes", type=int, default=1024)
-    arguments.add_argument("--longest", type=float, default=60, help="wall seconds of a bake that end a range")
+    arguments.add_argument("--longest", type=float, default=120, help="processor seconds of a bake that end a range")
     given = arguments.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    names = given.scenes.split(",") if given.scenes else list(SCENES)
-    unknown = set(names) - set(SCENES)
-    if unknown:
-        sys.exit(f"tradeoff: no scene {', '.join(sorted(unknown))}; there are {', '.join(SCENES)}")
-    curves = given.curves.split(";") if given.curves else list(CURVES)
-    if set(curves) - set(CURVES):
-        sys.exit(f"tradeoff: the curves are {'; '.join(CURVES)}")
-    bench = Bench(given.radbake, given.out, given.probes, given.longest)
-    plates = given.out / "touching-plates.gltf"
-    plates.write_text(json.dumps(touching_plates()))
-    report = {
-        "cores": os.cpu_count(),
-        "blender": "Cycles is not among the curves: no `blender` on this machine" if not shutil.which("blender")
-                   else "Cycles is not among the curves: this driver does not run `blender`",
-        "growth": bench.growth(SCENES["cornell-box"], growth_settings()) if not given.curves else {},
-        "touching": bench.growth((plates, []), touching_settings()) if not given.curves else {},
-        "scenes": {name: bench.trade(name, curves) for name in names if SCENES[name][0].exists()},
-    }
-    (given.out / "tradeoff.json").write_text(json.dumps(report, indent=1))
-    (given.out / "tradeoff.md").write_text(markdown(report))
-    write_plots(report, given.out)
-    for left in ("baked.glb", "statistics.json"):
+    there = [*SCENES, GROWTH, TOUCHING]
+    parts = given.parts.split(",") if given.parts else there
+    if set(parts) - set(there):
+        sys.exit(f"tradeoff: no part {', '.join(sorted(set(parts) - set(there)))}; there are {', '.join(there)}")
+    curves = given.curves.split(";") if given.curves else [*CURVES, CYCLES]
+    if set(curves) - {*CURVES, CYCLES}:
+        sys.exit(f"tradeoff: the curves are {'; '.join([*CURVES, CYCLES])}")
+    bench = Bench(given.radbake, given.blender, given.out, given.probes, given.longest)
+    stored = given.out / "tradeoff.json"
+    report = json.loads(stored.read_text()) if given.keep and stored.exists() else {"scenes": {}}
+    report["cores"] = os.cpu_count()
+    for part in parts:
+        if part == GROWTH:
+            report[part] = bench.growth(SCENES["cornell-box"], growth_settings())
+        elif part == TOUCHING:
+            plates = given.out / "touching-plates.gltf"
+            plates.write_text(json.dumps(touching_plates()))
+            report[part] = bench.growth((plates, []), touching_settings(), checked=True)
+        elif SCENES[part][0] is None or SCENES[part][0].exists():
+            report["scenes"][part] = bench.trade(part, curves)
+        stored.write_text(json.dumps(report, indent=1))
+        (given.out / "tradeoff.md").write_text(markdown(report))
+        write_plots(report, given.out)
+    for left in ("baked.glb", "baked.json", "statistics.json"):
         (given.out / left).unlink(missing_ok=True)
+    if given.publish:
+        for name in ("tradeoff.md", *(f"{scene}-seconds.svg" for scene in SHOWN if scene in report["scenes"]),
+                     f"{GROWTH}.svg", f"{TOUCHING}.svg", "touching-error.svg"):
+            shutil.copy(given.out / name, given.publish)
     print(f"{given.out}/tradeoff.md")
 
 

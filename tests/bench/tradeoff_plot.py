@@ -2,9 +2,9 @@
 import math
 from xml.sax.saxutils import escape
 
-WIDTH, HEIGHT = 640, 420
-LEFT, RIGHT, TOP, BOTTOM = 70, 190, 36, 50
-COLOURS = ("#1b6ca8", "#c8553d", "#4c956c", "#8e5ea2", "#b08900", "#d17ba5", "#222222")
+WIDTH, HEIGHT = 680, 420
+LEFT, RIGHT, TOP, BOTTOM = 70, 230, 36, 50
+COLOURS = ("#1b6ca8", "#c8553d", "#4c956c", "#8e5ea2", "#b08900", "#d17ba5", "#222222", "#7f8c8d")
 
 
 def ticks(low, high):
