@@ -25,8 +25,8 @@ struct Cluster {
   Index patches_end = 0;
 };
 
-/// A patch that is seen of a cluster, and its share of all that is seen.
-struct Source {
+/// A patch of a cluster, and its share of what leaves the cluster or arrives there.
+struct PatchShare {
   Index patch = 0;
   float share = 0;
 };

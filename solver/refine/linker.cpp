@@ -120,7 +120,7 @@ double Linker::Variation(Index receiver, const Vec3& nearest, const Kernel& kern
 }
 
 void Linker::Measure(Link& link) const {
-  link.source_count = 0;
+  link.source_count = link.receiver_count = 0;
   if (IsElement(link.receiver) && IsElement(link.shooter)) {
     MeasureElements(link);
   } else {
@@ -192,23 +192,24 @@ bool Linker::CarryAll(std::span<Link> links, const std::function<bool()>& stop) 
       return false;
     }
     const std::span<Link> chunk = links.subspan(begin, std::min(kChunk, links.size() - begin));
-    std::vector<std::vector<Source>> sources(chunk.size());
+    std::vector<NodeTransport> carried(chunk.size());
     ParallelFor(chunk.size(), [&](std::size_t k) {
       Link& link = chunk[k];
       if (!link.carried) {
-        NodeTransport sampled =
+        carried[k] =
             BetweenNodes(hierarchy_, visibility_, link.receiver, link.shooter, Hash(KeyOf(link)), 2 * rays_);
-        link.form_factor = static_cast<float>(sampled.form_factor);
-        link.visibility = static_cast<float>(sampled.visibility);
-        sources[k] = std::move(sampled.sources);
+        link.form_factor = static_cast<float>(carried[k].form_factor);
+        link.visibility = static_cast<float>(carried[k].visibility);
       }
     });
     for (std::size_t k = 0; k < chunk.size(); ++k) {
       if (!chunk[k].carried) {
         chunk[k].carried = true;
-        chunk[k].first_source = static_cast<Index>(sources_.size());
-        chunk[k].source_count = static_cast<Index>(sources[k].size());
-        sources_.insert(sources_.end(), sources[k].begin(), sources[k].end());
+        chunk[k].first_share = static_cast<Index>(shares_.size());
+        chunk[k].source_count = static_cast<std::uint16_t>(carried[k].sources.size());
+        chunk[k].receiver_count = static_cast<std::uint16_t>(carried[k].receivers.size());
+        shares_.insert(shares_.end(), carried[k].sources.begin(), carried[k].sources.end());
+        shares_.insert(shares_.end(), carried[k].receivers.begin(), carried[k].receivers.end());
       }
     }
   }
@@ -217,20 +218,21 @@ bool Linker::CarryAll(std::span<Link> links, const std::function<bool()>& stop) 
 
 void Linker::Tell(std::size_t bytes) const {
   if (hold_) {
-    hold_(bytes + BytesOfElements() + links_.Bytes() + BytesOf(sources_));
+    hold_(bytes + BytesOfElements() + links_.Bytes() + BytesOf(shares_));
   }
 }
 
 void Linker::Assign(std::vector<Link>& links) {
-  Tell(BytesOf(links) + links.size() * sizeof(Link) + BytesOf(sources_));
-  std::vector<Source> sources;
+  Tell(BytesOf(links) + links.size() * sizeof(Link) + BytesOf(shares_));
+  std::vector<PatchShare> shares;
   for (Link& link : links) {
-    const auto own = std::span(sources_).subspan(link.first_source, link.source_count);
-    link.first_source = static_cast<Index>(sources.size());
-    sources.insert(sources.end(), own.begin(), own.end());
+    const std::size_t count = std::size_t{link.source_count} + link.receiver_count;
+    const auto own = std::span(shares_).subspan(link.first_share, count);
+    link.first_share = static_cast<Index>(shares.size());
+    shares.insert(shares.end(), own.begin(), own.end());
   }
-  sources_.clear();
-  links_.Assign(links, hierarchy_.size(), hierarchy_.clusters().size(), std::move(sources));
+  shares_.clear();
+  links_.Assign(links, hierarchy_.size(), hierarchy_.clusters().size(), std::move(shares));
 }
 
 void Linker::LinkRoots() {
@@ -335,7 +337,7 @@ bool Linker::MeasureAll(std::span<Link> links, const std::function<bool()>& stop
 std::size_t Linker::Refine(const Oracle& oracle, const std::function<bool()>& stop) {
   std::vector<Link> kept;
   std::vector<Link> open(links_.all().begin(), links_.all().end());
-  sources_.assign(links_.sources().begin(), links_.sources().end());
+  shares_.assign(links_.shares().begin(), links_.shares().end());
   std::size_t replaced = 0;
   while (!open.empty()) {
     if (stop && stop()) {

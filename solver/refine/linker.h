@@ -71,7 +71,7 @@ class Linker {
   double tolerance_;          // of form factors
   Basis basis_;
   Links links_;
-  std::vector<Source> sources_;  // while links are refined, of all that are carried or were
+  std::vector<PatchShare> shares_;  // while links are refined, of all that are carried or were
   std::size_t measured_ = 0;
   Hold hold_;
 };

@@ -5,9 +5,9 @@
 namespace radbake {
 
 void Links::Assign(const std::vector<Link>& links, std::size_t element_count, std::size_t cluster_count,
-                   std::vector<Source> sources) {
+                   std::vector<PatchShare> shares) {
   cluster_count_ = cluster_count;
-  sources_ = std::move(sources);
+  shares_ = std::move(shares);
   const std::size_t rows = cluster_count + element_count;
   begin_.assign(rows + 1, 0);
   for (const Link& link : links) {

@@ -16,33 +16,38 @@ struct Link {
   Index shooter = 0;
   float form_factor = 0;  ///< F from receiver to shooter, unoccluded; from a light, irradiance per intensity
   float judged_factor = 0;  ///< the same, where rays measure it from others than carry, for oracles
-  float variation = 0;   ///< largest difference of the point-to-shooter form factor over the receiver, less
-                         ///< what a higher basis explains of it
-  float visibility = 1;  ///< share of the light that is not blocked, sampled: see SampledVisibility::carried
-  float judged = 1;      ///< the same from other rays, for oracles: see SampledVisibility
-  Index first_source = 0;  ///< see Links::SourcesOf
-  Index source_count = 0;
+  float variation = 0;    ///< largest difference of the point-to-shooter form factor over the receiver, less
+                          ///< what a higher basis explains of it
+  float visibility = 1;   ///< share of the light that is not blocked, sampled: see SampledVisibility::carried
+  float judged = 1;       ///< the same from other rays, for oracles: see SampledVisibility
+  Index first_share = 0;  ///< see Links::SourcesOf and Links::ReceiversOf
+  std::uint16_t source_count = 0;
+  std::uint16_t receiver_count = 0;
   bool clear = false;    ///< proved unoccluded
   bool carried = false;  ///< form_factor and visibility are not what oracles judge by
 };
 
-/// All links, sorted by receiver, and the sources of those from clusters. Receivers own their links, so
-/// threads share nothing while gathering.
+/// All links, sorted by receiver, and the shares of the patches of clusters that they join. Receivers own
+/// their links, so threads share nothing while gathering.
 class Links {
  public:
   /// Replaces all; their order within a receiver is kept.
   void Assign(const std::vector<Link>& links, std::size_t element_count, std::size_t cluster_count,
-              std::vector<Source> sources = {});
+              std::vector<PatchShare> shares = {});
 
   std::span<const Link> all() const { return links_; }
   std::size_t size() const { return links_.size(); }
   /// From a cluster, the patches that the link's rays met, which stand for all that its receiver sees of it;
   /// none if they met none, or what the link carries has not been measured.
-  std::span<const Source> SourcesOf(const Link& link) const {
-    return std::span(sources_).subspan(link.first_source, link.source_count);
+  std::span<const PatchShare> SourcesOf(const Link& link) const {
+    return std::span(shares_).subspan(link.first_share, link.source_count);
   }
-  /// Of all links.
-  std::span<const Source> sources() const { return sources_; }
+  /// Into a cluster of few patches, those that the link's light falls on; none as above.
+  std::span<const PatchShare> ReceiversOf(const Link& link) const {
+    return std::span(shares_).subspan(link.first_share + link.source_count, link.receiver_count);
+  }
+  /// Sources and receivers of all links.
+  std::span<const PatchShare> shares() const { return shares_; }
   /// The links into one element or cluster; none if it is younger than the last Assign().
   std::span<const Link> Into(Index receiver) const {
     const std::size_t row = Row(receiver);
@@ -53,7 +58,7 @@ class Links {
   }
 
   /// Of memory.
-  std::size_t Bytes() const { return BytesOf(links_) + BytesOf(begin_) + BytesOf(sources_); }
+  std::size_t Bytes() const { return BytesOf(links_) + BytesOf(begin_) + BytesOf(shares_); }
 
  private:
   /// Clusters first: their number never changes.
@@ -64,7 +69,7 @@ class Links {
   std::size_t cluster_count_ = 0;
   std::vector<Link> links_;
   std::vector<std::size_t> begin_;
-  std::vector<Source> sources_;
+  std::vector<PatchShare> shares_;
 };
 
 }  // namespace radbake

@@ -147,8 +147,8 @@ std::vector<Rgb> RadiosityOperator::ShootingOfClusters(const std::vector<Rgb>& e
   std::vector<Rgb> shooting(clusters.empty() ? 0 : links.size(), Rgb::Zero());
   tbb::parallel_for(std::size_t{0}, shooting.size(), [&](std::size_t k) {
     if (IsCluster(links[k].shooter)) {
-      const std::span<const Source> sources = links_.SourcesOf(links[k]);
-      for (const Source& source : sources) {
+      const std::span<const PatchShare> sources = links_.SourcesOf(links[k]);
+      for (const PatchShare& source : sources) {
         shooting[k] += static_cast<double>(source.share) * elements[source.patch];
       }
       if (sources.empty()) {
@@ -167,41 +167,43 @@ Rgb RadiosityOperator::Shooting(const Shooters& shooters, Index gathered) const 
                               : shooters.clusters[gathered - kFirstCluster];
 }
 
-std::vector<RadiosityOperator::Incident> RadiosityOperator::CollectOnClusters(
-    const Shooters& shooters) const {
-  const Clusters& clusters = hierarchy_.clusters();
-  std::vector<Incident> incident(clusters.size());
-  const auto gather = [&](Index c) {
-    const CosineSum& aperture = light_.aperture[c];
-    for (const Link& link : links_.Into(ClusterNode(c))) {
-      const Rgb shooting = Shooting(shooters, GatheredFrom(links_, link));
-      const Rgb mean = static_cast<double>(link.form_factor * link.visibility) * shooting;
-      if (link.shooter == link.receiver && light_.enclosed[c] > 0) {
-        incident[c].inside += mean / light_.enclosed[c];
+RadiosityOperator::Incident RadiosityOperator::CollectOn(Index c, const Shooters& shooters) const {
+  Incident incident;
+  const CosineSum& aperture = light_.aperture[c];
+  for (const Link& link : links_.Into(ClusterNode(c))) {
+    if (!links_.ReceiversOf(link).empty()) {
+      continue;
+    }
+    const Rgb shooting = Shooting(shooters, GatheredFrom(links_, link));
+    const Rgb mean = static_cast<double>(link.form_factor * link.visibility) * shooting;
+    if (link.shooter == link.receiver && light_.enclosed[c] > 0) {
+      incident.inside += mean / light_.enclosed[c];
+      continue;
+    }
+    const Eigen::RowVector3f row = mean.cast<float>().matrix().transpose();
+    // Light from one direction falls on the patches by their orientation; its mean over them is the link's.
+    constexpr double kHardly = 0.02;
+    if (link.shooter != link.receiver) {
+      const CosineSum basis =
+          CosineBasis(DirectionTo(hierarchy_, link.shooter, hierarchy_.clusters()[c].centre));
+      const double facing = Evaluate(aperture, basis);
+      if (facing > kHardly * static_cast<double>(aperture[0])) {
+        incident.outside += ((basis / static_cast<float>(facing)).matrix() * row).array();
         continue;
       }
-      const Eigen::RowVector3f row = mean.cast<float>().matrix().transpose();
-      // Light from one direction falls on the patches by their orientation; its mean over them is the link's.
-      constexpr double kHardly = 0.02;
-      if (link.shooter != link.receiver) {
-        const CosineSum basis = CosineBasis(DirectionTo(hierarchy_, link.shooter, clusters[c].centre));
-        const double facing = Evaluate(aperture, basis);
-        if (facing > kHardly * static_cast<double>(aperture[0])) {
-          incident[c].outside += ((basis / static_cast<float>(facing)).matrix() * row).array();
-          continue;
-        }
-      }
-      if (aperture[0] > 0) {
-        incident[c].outside.row(0) += row.array() / aperture[0];
-      }
     }
-  };
-  tbb::parallel_for(Index{0}, static_cast<Index>(clusters.size()), gather);
+    if (aperture[0] > 0) {
+      incident.outside.row(0) += row.array() / aperture[0];
+    }
+  }
   return incident;
 }
 
-std::vector<Rgb> RadiosityOperator::PushToPatches(const std::vector<Incident>& incident) const {
+std::vector<Rgb> RadiosityOperator::CollectOnPatches(const Shooters& shooters) const {
   const Clusters& clusters = hierarchy_.clusters();
+  std::vector<Incident> incident(clusters.size());
+  tbb::parallel_for(Index{0}, static_cast<Index>(clusters.size()),
+                    [&](Index c) { incident[c] = CollectOn(c, shooters); });
   std::vector<Rgb> irradiance(hierarchy_.surface_root_count(), Rgb::Zero());
   tbb::parallel_for(Index{0}, static_cast<Index>(irradiance.size()), [&](Index patch) {
     for (Index c = clusters.Above(patch); c != kNone; c = clusters[c].parent) {
@@ -213,6 +215,16 @@ std::vector<Rgb> RadiosityOperator::PushToPatches(const std::vector<Incident>& i
       }
     }
   });
+  for (Index c = 0; c < clusters.size(); ++c) {
+    for (const Link& link : links_.Into(ClusterNode(c))) {
+      const Rgb power = clusters[c].area * static_cast<double>(link.form_factor * link.visibility) *
+                        Shooting(shooters, GatheredFrom(links_, link));
+      for (const PatchShare& receiver : links_.ReceiversOf(link)) {
+        irradiance[receiver.patch] +=
+            static_cast<double>(receiver.share) / hierarchy_[receiver.patch].area * power;
+      }
+    }
+  }
   return irradiance;
 }
 
@@ -233,7 +245,7 @@ std::vector<Rgb> RadiosityOperator::CollectShaped(const Shooters& shooters) cons
 }
 
 LeafValues RadiosityOperator::Collect(const Shooters& shooters) const {
-  const std::vector<Rgb> from_clusters = PushToPatches(CollectOnClusters(shooters));
+  const std::vector<Rgb> from_clusters = CollectOnPatches(shooters);
   const std::vector<Rgb> shaped = CollectShaped(shooters);
   LeafValues irradiance(3, size());
   constexpr std::size_t kGrain = 64;
@@ -241,7 +253,12 @@ LeafValues RadiosityOperator::Collect(const Shooters& shooters) const {
                     [&](const auto& range) {
                       for (std::size_t k = range.begin(); k != range.end(); ++k) {
                         const Index leaf = rows_.leaves()[k];
-                        Rgb sum = light_.open[leaf] * from_clusters[hierarchy_[leaf].patch];
+                        const Index patch = hierarchy_[leaf].patch;
+                        // What a patch gathers falls on its open parts alone.
+                        Rgb sum = Rgb::Zero();
+                        if (light_.open[patch] > 0) {
+                          sum = light_.open[leaf] / light_.open[patch] * from_clusters[patch];
+                        }
                         std::array<Rgb, kMostInBasis> moments;
                         moments.fill(Rgb::Zero());
                         const float* moment = rows_.Moments(k).data();

@@ -67,14 +67,16 @@ class RadiosityOperator {
   std::vector<Rgb> ShootingOfClusters(const std::vector<Rgb>& elements) const;
   /// `gathered`: as in Gathered.
   Rgb Shooting(const Shooters& shooters, Index gathered) const;
-  /// What a cluster hands down to a patch: of what comes from outside, by the patch's orientation and as far
-  /// as it is open to it; of what the cluster's patches exchange, as far as they enclose it.
+  /// What a cluster of many patches hands down to each: of what comes from outside, by the patch's
+  /// orientation and as far as it is open to it; of what the cluster's patches exchange, as far as they
+  /// enclose it.
   struct Incident {
     RgbCosineSum outside = RgbCosineSum::Zero();  // Σ y(d)·E⊥ over links, E⊥ of what faces direction d
     Rgb inside = Rgb::Zero();
   };
-  std::vector<Incident> CollectOnClusters(const Shooters& shooters) const;
-  std::vector<Rgb> PushToPatches(const std::vector<Incident>& incident) const;
+  Incident CollectOn(Index cluster, const Shooters& shooters) const;
+  /// By patch, what the clusters above it hand down, and what links into those of few patches bring to it.
+  std::vector<Rgb> CollectOnPatches(const Shooters& shooters) const;
   LeafValues Collect(const Shooters& shooters) const;
   void StoreShape(std::size_t k, const LeafValues& irradiance, Light& light) const;
   /// By element, K each: the polynomials that couplings bring, the ancestors' too.

@@ -80,6 +80,29 @@ bool IsNear(const Hierarchy& hierarchy, const Sphere& receiver, const Sphere& sh
   return gap <= 0 || hierarchy.Area(node) > std::numbers::pi * gap * gap;
 }
 
+/// Those of all rays, each patch once; their sum is 1.
+std::vector<PatchShare> Shares(std::vector<PatchShare> found) {
+  std::ranges::sort(found, {}, &PatchShare::patch);
+  std::vector<PatchShare> shares;
+  double sum = 0;
+  for (const PatchShare& part : found) {
+    sum += static_cast<double>(part.share);
+    if (!shares.empty() && shares.back().patch == part.patch) {
+      shares.back().share += part.share;
+    } else {
+      shares.push_back(part);
+    }
+  }
+  for (PatchShare& part : shares) {
+    part.share /= static_cast<float>(sum);
+  }
+  return shares;
+}
+
+/// Clusters of at most so many patches hand their light to those that a link's rays left from. Of more, the
+/// few rays would light single patches far too much, and refinement would chase that noise.
+constexpr std::size_t kFewPatches = 256;
+
 /// Adds up what the rays of one link find.
 class NodeSampler {
  public:
@@ -88,7 +111,9 @@ class NodeSampler {
         visibility_(visibility),
         receiver_(receiver),
         shooter_(shooter),
-        area_(IsPunctual(shooter) ? 0 : hierarchy.Area(shooter)) {}
+        area_(IsPunctual(shooter) ? 0 : hierarchy.Area(shooter)),
+        few_receivers_(IsCluster(receiver) &&
+                       hierarchy.clusters().PatchesBelow(receiver - kFirstCluster).size() <= kFewPatches) {}
 
   /// Two ways to draw a ray: by area on both ends, whose kernel has no bound where the two are near; and by
   /// the cosine at the receiver, which hardly meets what is far. Each ray counts by the density of both
@@ -104,7 +129,7 @@ class NodeSampler {
     }
   }
 
-  /// Form factor, visibility and sources.
+  /// Form factor, visibility, sources and receivers.
   NodeTransport Result() && {
     NodeTransport result;
     result.visibility = open_ > 0 ? open_ / all_ : 1;
@@ -113,19 +138,8 @@ class NodeSampler {
       result.form_factor = all_;
       result.visibility = 0;
     }
-    std::ranges::sort(sources_, {}, &Source::patch);
-    double sum = 0;
-    for (const Source& source : sources_) {
-      sum += static_cast<double>(source.share);
-      if (!result.sources.empty() && result.sources.back().patch == source.patch) {
-        result.sources.back().share += source.share;
-      } else {
-        result.sources.push_back(source);
-      }
-    }
-    for (Source& source : result.sources) {
-      source.share /= static_cast<float>(sum);
-    }
+    result.sources = Shares(std::move(sources_));
+    result.receivers = Shares(std::move(receivers_));
     return result;
   }
   /// Over the rays between points: the difference of the largest kernel and the smallest.
@@ -154,7 +168,7 @@ class NodeSampler {
     all_ += weight * kernel;
     if (!visibility_.Blocked(from.x, from.patch, to.x, to.patch)) {
       open_ += weight * kernel;
-      Note(to.patch, weight * kernel);
+      Note(from.patch, to.patch, weight * kernel);
     }
   }
 
@@ -165,13 +179,17 @@ class NodeSampler {
     if (const auto to = MeetOn(hierarchy_, visibility_, shooter_, from, direction)) {
       const double kernel = area_ * Kernel(from, *to);
       met_ += weight * kernel / (1 + kernel);
-      Note(to->patch, weight * kernel / (1 + kernel));
+      Note(from.patch, to->patch, weight * kernel / (1 + kernel));
     }
   }
 
-  void Note(Index patch, double share) {
-    if (IsCluster(shooter_) && static_cast<float>(share) > 0) {
-      sources_.push_back({patch, static_cast<float>(share)});
+  void Note(Index receiver, Index source, double share) {
+    const auto rounded = static_cast<float>(share);
+    if (IsCluster(shooter_) && rounded > 0) {
+      sources_.push_back({source, rounded});
+    }
+    if (few_receivers_ && rounded > 0) {
+      receivers_.push_back({receiver, rounded});
     }
   }
 
@@ -180,12 +198,14 @@ class NodeSampler {
   Index receiver_;
   Index shooter_;
   double area_;
+  bool few_receivers_;
   double all_ = 0;   // what the rays between points would bring
   double open_ = 0;  // what they bring
   double met_ = 0;   // what those from the receiver bring
   double highest_ = 0;
   double lowest_ = std::numeric_limits<double>::infinity();
-  std::vector<Source> sources_;
+  std::vector<PatchShare> sources_;
+  std::vector<PatchShare> receivers_;
 };
 
 /// Does the sphere of a cluster lie behind an element's plane?

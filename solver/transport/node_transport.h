@@ -30,7 +30,8 @@ struct NodeTransport {
   double variation =
       0;  ///< bound of how much that varies over the receiver, beyond what orientation explains
   double visibility = 0;
-  std::vector<Source> sources;  ///< of a shooting cluster, what rays met
+  std::vector<PatchShare> sources;    ///< of a shooting cluster, what rays met
+  std::vector<PatchShare> receivers;  ///< of a receiving cluster of few patches, what their light falls on
 };
 
 /// Between a receiver (an element or a cluster) and a shooter (any node), at least one of them no element.

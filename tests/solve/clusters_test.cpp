@@ -74,6 +74,22 @@ TEST(ClusteredSolution, LessLightLeaksThroughAWallTheFinerTheLinks) {
   EXPECT_LT(leak(2.5e-4), 0.001);
 }
 
+/// A closed box in a closed box, light in the gap between them alone.
+TEST(ClusteredSolution, LeavesAClosedBoxBesideABrightWallAllButDark) {
+  Scene scene;
+  const Index grey = testing::AddMaterial(scene, 0.5, 0);
+  AddFineBox(scene, grey, Vec3(0, 0, 0), Vec3(2, 2, 2), 6, true);
+  const auto inside = static_cast<Index>(scene.surfaces.size());
+  AddFineBox(scene, grey, Vec3(-0.05, -0.05, -0.05), Vec3(2.05, 2.05, 2.05), 6, false);
+  AddFineBox(scene, testing::AddMaterial(scene, 0.5, 1), Vec3(-0.5, -0.5, -0.5), Vec3(2.5, 2.5, 2.5), 6,
+             true);
+  const auto end = static_cast<Index>(scene.surfaces.size());
+  for (const double w_min : {1e-3, 2e-4}) {
+    const Clustered solved(scene, w_min);
+    EXPECT_LT(solved.MeanIrradiance(0, inside), 0.01 * solved.MeanIrradiance(inside, end)) << w_min;
+  }
+}
+
 /// Solved with a_min = 1e-4, so that what refines without need ends.
 Solution SolveWith(const Scene& scene, bool clustering) {
   const Patches patches = CutIntoPatches(scene);
@@ -169,11 +185,34 @@ TEST(ClusterTransport, KnowsTheSourcesThatAReceiverSees) {
   const auto floor = static_cast<Index>(hierarchy.surface_root_count() - 1);
   const NodeTransport found = BetweenNodes(hierarchy, visibility, floor, ClusterNode(0), 1, 64);
   double sum = 0;
-  for (const Source& source : found.sources) {
+  for (const PatchShare& source : found.sources) {
     EXPECT_LT(hierarchy.PatchOf(source.patch).normal.y(), -0.9);
     sum += static_cast<double>(source.share);
   }
   EXPECT_GE(found.sources.size(), 4U);
+  EXPECT_NEAR(sum, 1, 1e-5);
+}
+
+/// A box with walls of two sides before a lamp: of its patches only the outer ones before the lamp are lit.
+TEST(ClusterTransport, KnowsThePatchesThatItsLightFallsOn) {
+  Scene scene;
+  const Index white = testing::AddMaterial(scene, 0.5, 1);
+  AddFineBox(scene, white, Vec3(0, 0, 0), Vec3(1, 1, 1), 3, true);
+  const auto outside = static_cast<Index>(scene.surfaces.size());
+  AddFineBox(scene, white, Vec3(-0.01, -0.01, -0.01), Vec3(1.01, 1.01, 1.01), 3, false);
+  testing::AddQuad(scene, white, Vec3(0, 3, 0), Vec3(1, 3, 0), Vec3(1, 3, 1), Vec3(0, 3, 1));
+  const Patches patches = CutIntoPatches(scene);
+  const Hierarchy hierarchy(patches, true);
+  const Visibility visibility(patches);
+  const auto lamp = static_cast<Index>(hierarchy.surface_root_count() - 1);
+  const NodeTransport found = BetweenNodes(hierarchy, visibility, ClusterNode(0), lamp, 1, 1024);
+  double sum = 0;
+  for (const PatchShare& receiver : found.receivers) {
+    EXPECT_GT(hierarchy.PatchOf(receiver.patch).normal.y(), 0.9);
+    EXPECT_GE(hierarchy.PatchOf(receiver.patch).surface, outside);
+    sum += static_cast<double>(receiver.share);
+  }
+  EXPECT_EQ(found.receivers.size(), 9U);
   EXPECT_NEAR(sum, 1, 1e-5);
 }
 
