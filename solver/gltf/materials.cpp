@@ -7,7 +7,7 @@ namespace radbake::gltf {
 namespace {
 
 /// Full reflectance would never let light die out in a closed room.
-constexpr double kMostReflectance = 0.999;
+constexpr double kMostReflectance = 0.9999;
 
 struct Texture {
   const char* name;
@@ -49,7 +49,7 @@ void ImportDiffuse(const Json& root, const Json& json, const std::string& name, 
   material.reflectance = Rgb(color[0], color[1], color[2]);
   if ((material.reflectance > kMostReflectance).any()) {
     material.reflectance = material.reflectance.min(kMostReflectance);
-    scene.warnings.push_back("the reflectance of " + name + " is above 0.999: taken as 0.999");
+    scene.warnings.push_back("the reflectance of " + name + " is above 0.9999: taken as 0.9999");
   }
   if (Number(base, "metallicFactor", 1, place) > 0 && place.index != Place::kWhole) {
     Ignore(scene, "metallicFactor of " + name,

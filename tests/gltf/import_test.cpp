@@ -242,7 +242,7 @@ TEST(Import, ClampsAFullReflectanceWithAWarning) {
   const Document document = Open(
       WithMaterial({{"name", "snow"},
                     {"pbrMetallicRoughness", {{"baseColorFactor", {1, 0.5, 2, 1}}, {"metallicFactor", 0}}}}));
-  EXPECT_TRUE((document.scene().materials.at(0).reflectance == Rgb(0.999, 0.5, 0.999)).all());
+  EXPECT_TRUE((document.scene().materials.at(0).reflectance == Rgb(0.9999, 0.5, 0.9999)).all());
   EXPECT_THAT(document.scene().warnings, ElementsAre(HasSubstr("material 'snow'")));
 }
 
