@@ -4,8 +4,8 @@
 #include <array>
 #include <cmath>
 
-#include "solver/transport/seen_polygon.h"
 #include "solver/transport/sampling.h"
+#include "solver/transport/seen_polygon.h"
 
 namespace radbake {
 namespace {
