@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "solver/bake/emit.h"
+#include "solver/bake/mesh_refinement.h"
 #include "solver/bake/output_mesh.h"
 #include "solver/check/check.h"
 #include "solver/hierarchy/hierarchy.h"
@@ -170,8 +171,9 @@ Baking BakeTo(double error, double solve_share, double gather_share, const Setti
   const std::size_t solved = beside + solution.light.Bytes() + solution.links.Bytes();
   OutputMesh mesh(hierarchy, gatherer, solution.links,
                   [&](std::size_t bytes) { memory.Check(solved + bytes); });
+  MeshSummary gathered;
   if (parameters.final_gather == FinalGather::kOff) {
-    mesh.TakeSolution();
+    gathered = TakeSolution(mesh);
   } else {
     MeshOptions mesh_options = MeshOptionsOf(asked, by_rays);
     mesh_options.stop = [&](double mesh_error, std::size_t /*vertices*/) {
@@ -180,10 +182,11 @@ Baking BakeTo(double error, double solve_share, double gather_share, const Setti
                                            std::clamp(mesh_options.error / mesh_error, 0.0, 1.0));
       return watch.Beyond(gather_share);
     };
-    baking.end = mesh.Refine(mesh_options);
+    gathered = RefineMesh(mesh, mesh_options);
   }
+  baking.end = gathered.end;
   baking.output = Emit(hierarchy, mesh, scene.surfaces.size(), parameters.exposure);
-  baking.estimated_error = std::hypot(mesh.error(), mesh.noise(), kLeftBySolution * error);
+  baking.estimated_error = std::hypot(gathered.error, gathered.noise, kLeftBySolution * error);
   baking.iterations = solution.iterations;
   baking.bytes = solution.bytes;
   baking.solve_stopped = solution.stopped;

@@ -55,7 +55,7 @@ class SurfaceBuilder {
         centre[k] += share[c] * corners[c][k];
       }
     }
-    const Index middle = NewVertex(patch, centre, mesh_.CentreIrradiance(e));
+    const Index middle = NewVertex(patch, centre, mesh_.AtCentre(e).irradiance);
     for (std::size_t k = 0; k < ring.size(); ++k) {
       out_.triangles.push_back({middle, ring[k], ring[(k + 1) % ring.size()]});
     }
@@ -82,7 +82,7 @@ class SurfaceBuilder {
   }
 
   Index Vertex(const Patch& patch, Index vertex, const Weights& weights) {
-    const BakedVertex fresh = Make(patch, weights, mesh_.Irradiance(vertex));
+    const BakedVertex fresh = Make(patch, weights, mesh_.AtVertex(vertex).irradiance);
     std::vector<Index>& known = by_vertex_[vertex];
     for (const Index index : known) {
       if (out_.vertices[index].source == fresh.source && out_.vertices[index].weight == fresh.weight) {
@@ -129,7 +129,7 @@ double AutoExposure(const Hierarchy& hierarchy, const OutputMesh& mesh, double l
   std::vector<std::pair<double, double>> samples;  // value, area
   double area = 0;
   for (const Index e : mesh.cut()) {
-    const double value = mesh.CentreIrradiance(e).maxCoeff();
+    const double value = mesh.AtCentre(e).irradiance.maxCoeff();
     if (value > 0) {
       samples.emplace_back(value, hierarchy[e].area);
       area += hierarchy[e].area;

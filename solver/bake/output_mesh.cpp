@@ -10,29 +10,10 @@
 #include <numeric>
 #include <utility>
 
-#include "solver/bake/neighbourhood.h"
 #include "solver/transport/sampling.h"
 
 namespace radbake {
 namespace {
-
-// Mean square of the interpolation error over an element, in squares of how far the centre is from what the
-// corners say: where a shadow's edge crosses the element, and where irradiance is smooth.
-constexpr double kEdge = 0.4;
-constexpr double kSmooth = 1.0 / 30;
-
-// Of the rays' variance at the centre and the corners together, what is left of it between them.
-constexpr double kNoiseLeft = 0.5;
-
-Vec3 ElementCentre(const Hierarchy& hierarchy, Index element) {
-  const Polygon shape = hierarchy.Shape(element);
-  const std::array<float, 4> weight = CentreWeights(hierarchy[element]);
-  Vec3 centre = Vec3::Zero();
-  for (int k = 0; k < shape.count; ++k) {
-    centre += static_cast<double>(weight[static_cast<std::size_t>(k)]) * shape[k];
-  }
-  return centre;
-}
 
 /// Calls body(k) for all k on all threads, asking `stop` on this one now and then. False if it stopped.
 template <typename Body>
@@ -88,6 +69,22 @@ struct Meeting {
 
 }  // namespace
 
+Vec3 ElementCentre(const Hierarchy& hierarchy, Index element) {
+  const Polygon shape = hierarchy.Shape(element);
+  const std::array<float, 4> weight = CentreWeights(hierarchy[element]);
+  Vec3 centre = Vec3::Zero();
+  for (int k = 0; k < shape.count; ++k) {
+    centre += static_cast<double>(weight[static_cast<std::size_t>(k)]) * shape[k];
+  }
+  return centre;
+}
+
+Vec3 InsideNear(const Hierarchy& hierarchy, Index element, const Vec3& x) {
+  constexpr double kHair = 1e-4;
+  const Polygon shape = hierarchy.Shape(element);
+  return x + kHair * (0.5 * ElementCentre(hierarchy, element) + 0.3 * shape[0] + 0.2 * shape[1] - x);
+}
+
 OutputMesh::OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Links& links, Hold hold)
     : hierarchy_(hierarchy),
       gatherer_(gatherer),
@@ -128,32 +125,41 @@ void OutputMesh::Tell() const {
   }
 }
 
-void OutputMesh::Divide(Index element) {
+void OutputMesh::Divide(std::size_t k) {
   constexpr std::size_t kOften = 4096;
   if (hierarchy_.size() % kOften < 4) {
     Tell();
   }
+  const Index element = cut_[k];
   const Index first = hierarchy_.Divide(element);
   GrowWithHierarchy();
   if (hierarchy_.DivisionOf(element) == Division::kSquare && at_centre_[element].gathered) {
     at_vertex_[hierarchy_[first].corner[2]] = at_centre_[element];
     ++gathered_;
   }
+  cut_[k] = first;
+  cut_.insert(cut_.end(), {first + 1, first + 2, first + 3});
 }
 
-void OutputMesh::DivideUnseen(double area, double near_area) {
-  const auto is_unseen = [&](Index e) {
-    return IsLit(e) && (hierarchy_[e].area > area ||
-                        (hierarchy_[e].area > near_area && StandsSomethingOn(hierarchy_, e)));
-  };
-  for (std::size_t k = 0; k < cut_.size(); ++k) {
-    while (is_unseen(cut_[k])) {
-      Divide(cut_[k]);
-      const Index first = hierarchy_[cut_[k]].first_child;
-      cut_[k] = first;
-      cut_.insert(cut_.end(), {first + 1, first + 2, first + 3});
+bool OutputMesh::Gather(const std::function<bool()>& stop, Source source) {
+  WalkEdges();
+  if (!GatherVertices(stop, source) || !GatherCentres(stop, source)) {
+    if (!finished_cut_.empty()) {
+      cut_ = finished_cut_;
+      loops_ = finished_loops_;
     }
+    return false;
   }
+  finished_cut_ = cut_;
+  finished_loops_ = loops_;
+  return true;
+}
+
+void OutputMesh::GatherAnew(double factor) {
+  effort_ *= factor;
+  std::ranges::fill(at_vertex_, Sample{});
+  std::ranges::fill(at_centre_, Sample{});
+  gathered_ = 0;
 }
 
 void OutputMesh::WalkEdge(Index from, Index to, Loop& loop) {
@@ -228,10 +234,7 @@ bool OutputMesh::GatherVertices(const std::function<bool()>& stop, Source source
       if (!IsLit(element)) {
         continue;
       }
-      // A hair inside the element: at a shared edge, form factors have a limit from each side.
-      constexpr double kInside = 1e-4;
-      const Vec3 x = hierarchy_.Point(vertex) +
-                     kInside * (ElementCentre(hierarchy_, element) - hierarchy_.Point(vertex));
+      const Vec3 x = InsideNear(hierarchy_, element, hierarchy_.Point(vertex));
       const Index leaf = gatherer_.SolverLeaf(element, x);
       if (std::ranges::any_of(views,
                               [&](const View& view) { return gatherer_.SeesAlike(view.leaf, leaf); })) {
@@ -262,11 +265,7 @@ bool OutputMesh::GatherCentres(const std::function<bool()>& stop, Source source)
     if (std::exchange(sample.gathered, true) || !IsLit(e)) {
       return;
     }
-    // A hair off the centre, which may lie on an edge of a younger element of the solver's.
-    constexpr double kOff = 1e-4;
-    const Polygon shape = hierarchy_.Shape(e);
-    const Vec3 centre = ElementCentre(hierarchy_, e);
-    const Vec3 x = centre + kOff * (0.6 * (shape[0] - centre) + 0.4 * (shape[1] - centre));
+    const Vec3 x = InsideNear(hierarchy_, e, ElementCentre(hierarchy_, e));
     const Index leaf = gatherer_.SolverLeaf(e, x);
     sample.sealed = source == Source::kRays ? gatherer_.IsSealed(x, leaf) : gatherer_.IsSealed(leaf);
     if (!sample.sealed) {
@@ -280,71 +279,6 @@ bool OutputMesh::GatherCentres(const std::function<bool()>& stop, Source source)
 Estimate OutputMesh::At(const Vec3& x, Index leaf, std::uint64_t key, Source source, double effort) const {
   return source == Source::kRays ? gatherer_.Irradiance(x, leaf, key, effort)
                                  : Estimate{gatherer_.Solved(leaf, x)};
-}
-
-OutputMesh::Deviation OutputMesh::DeviationOf(Index e) const {
-  const Element& element = hierarchy_[e];
-  const auto count = static_cast<std::size_t>(element.CornerCount());
-  Deviation result;
-  result.noise = at_centre_[e].variance;
-  for (std::size_t c = 0; c < count; ++c) {
-    const Sample& corner = at_vertex_[element.corner[c]];
-    result.mean += corner.irradiance / static_cast<double>(count);
-    result.noise += corner.variance / static_cast<double>(count * count);
-  }
-  result.squared = (at_centre_[e].irradiance - result.mean).square().sum();
-  return result;
-}
-
-double OutputMesh::ErrorPerDeviation(Index e, const Deviation& deviation) const {
-  const Index parent = hierarchy_[e].parent;
-  if (parent == kNone || !at_centre_[parent].gathered) {
-    return kEdge;
-  }
-  const Deviation above = DeviationOf(parent);
-  const double before = above.squared - above.noise;
-  const double now = std::max(0.0, deviation.squared - deviation.noise);
-  // Where irradiance is smooth, halving lowers its deviation to a quarter; at an edge it stays.
-  constexpr double kSmoothFall = 1.0 / 16;
-  constexpr double kEdgeFall = 1.0 / 4;
-  if (!(before > 0)) {
-    return kEdge;
-  }
-  const double edge = std::clamp((now / before - kSmoothFall) / (kEdgeFall - kSmoothFall), 0.0, 1.0);
-  return kSmooth + edge * (kEdge - kSmooth);
-}
-
-std::vector<double> OutputMesh::SquaredErrors() {
-  std::vector<double> errors(cut_.size());
-  double norm = 0;
-  double interpolation = 0;
-  double noise = 0;
-  for (std::size_t k = 0; k < cut_.size(); ++k) {
-    const Deviation deviation = DeviationOf(cut_[k]);
-    const double area = hierarchy_[cut_[k]].area;
-    const double share = area * ErrorPerDeviation(cut_[k], deviation);
-    // What the rays' noise adds to the deviation of many, it does not add to the error of interpolation.
-    errors[k] = share * std::max(0.0, deviation.squared - deviation.noise);
-    interpolation += share * (deviation.squared - deviation.noise);
-    noise += kNoiseLeft * area * deviation.noise;
-    norm += area * deviation.mean.square().sum();
-  }
-  error_ = norm > 0 ? std::sqrt(std::max(0.0, interpolation) / norm) : 0;
-  noise_ = norm > 0 ? std::sqrt(noise / norm) : 0;
-  return errors;
-}
-
-void OutputMesh::SpendAsNeeded(double noise) {
-  constexpr double kMost = 64;
-  constexpr double kWorth = 1.5;
-  const double effort = std::clamp(std::pow(noise_ / noise, 2), 0.5, kMost / effort_);
-  if (effort < kWorth) {
-    return;
-  }
-  effort_ *= effort;
-  std::ranges::fill(at_vertex_, Sample{});
-  std::ranges::fill(at_centre_, Sample{});
-  gathered_ = 0;
 }
 
 void OutputMesh::CoverSealed() {
@@ -375,127 +309,6 @@ void OutputMesh::CoverSealed() {
   }
   for (const auto& [vertex, neighbours] : by_vertex) {
     at_vertex_[vertex].irradiance = neighbours.Cover();
-  }
-}
-
-MeshEnd OutputMesh::Refine(const MeshOptions& options) {
-  const MeshEnd end = DivideWhereItMatters(options);
-  CoverSealed();
-  return end;
-}
-
-void OutputMesh::TakeSolution() {
-  for (std::size_t k = 0; k < cut_.size();) {
-    if (!IsLit(cut_[k]) || gatherer_.IsSolverLeaf(cut_[k])) {
-      ++k;
-      continue;
-    }
-    const Index first = hierarchy_[cut_[k]].first_child;
-    cut_[k] = first;
-    cut_.insert(cut_.end(), {first + 1, first + 2, first + 3});
-  }
-  if (gatherer_.IsCurved()) {
-    const std::vector<Index> leaves = std::exchange(cut_, {});
-    for (const Index leaf : leaves) {
-      if (IsLit(leaf)) {
-        Divide(leaf);
-        const Index first = hierarchy_[leaf].first_child;
-        cut_.insert(cut_.end(), {first, first + 1, first + 2, first + 3});
-      } else {
-        cut_.push_back(leaf);
-      }
-    }
-  }
-  GrowWithHierarchy();
-  WalkEdges();
-  GatherVertices({}, Source::kSolution);
-  GatherCentres({}, Source::kSolution);
-  SquaredErrors();
-  CoverSealed();
-}
-
-MeshEnd OutputMesh::DivideWhereItMatters(const MeshOptions& options) {
-  const double area = hierarchy_.patches().area;
-  const std::function<bool()> stop = [&] { return options.stop && options.stop(error_, gathered_); };
-  // The input's own vertices are the least that there is to give.
-  WalkEdges();
-  if (!GatherVertices(stop) || !GatherCentres(stop)) {
-    GatherVertices({}, Source::kSolution);
-    GatherCentres({}, Source::kSolution);
-    return MeshEnd::kStopped;
-  }
-  std::vector<Index> last_cut = cut_;
-  std::vector<Loop> last_loops = loops_;
-  // Coarse first, so that there is always something even to show when time is short.
-  constexpr double kFirstUnseen = 1e-2;
-  constexpr double kUnseenFall = 4;
-  double unseen = std::max(kFirstUnseen, options.start_area);
-  DivideUnseen(unseen * area, unseen * area);
-  double left = 0;           // of the squared errors, that of the elements that the last round let be
-  double divided_error = 0;  // and that of those that it divided
-  int in_vain = 0;
-  while (true) {
-    WalkEdges();
-    if (!GatherVertices(stop) || !GatherCentres(stop)) {
-      cut_ = std::move(last_cut);
-      loops_ = std::move(last_loops);
-      return MeshEnd::kStopped;
-    }
-    last_cut = cut_;
-    last_loops = loops_;
-    const std::vector<double> errors = SquaredErrors();
-    if (unseen > options.start_area) {
-      SpendAsNeeded(options.noise);
-      unseen = std::max(unseen / kUnseenFall, options.start_area);
-      DivideUnseen(unseen * area, (unseen > options.start_area ? unseen : options.near_area) * area);
-      continue;
-    }
-    if (error_ <= options.error) {
-      return MeshEnd::kError;
-    }
-    if (gathered_ >= options.max_vertices) {
-      return MeshEnd::kLimit;
-    }
-    const double total = std::accumulate(errors.begin(), errors.end(), 0.0);
-    // What division does not lower, again and again, is no curvature but the rays' noise, and would be
-    // divided for ever. (Once it may have found a peak.)
-    constexpr double kNoise = 0.85;
-    constexpr int kOften = 3;
-    in_vain = divided_error > 0 && total - left > kNoise * divided_error ? in_vain + 1 : 0;
-    if (in_vain == kOften) {
-      return MeshEnd::kLimit;
-    }
-    // Worst first, until the target is met: by the others and what division leaves of these (a half at a
-    // shadow's edge, less elsewhere), or by a part of it from the others alone.
-    constexpr double kLeft = 0.3;
-    constexpr double kStays = 0.4;
-    std::vector<std::size_t> order(cut_.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-      return errors[a] != errors[b] ? errors[a] > errors[b] : a < b;
-    });
-    left = total;
-    const double allowed = total * std::pow(options.error / error_, 2);
-    const double goal = std::max(kLeft * allowed, (allowed - kStays * total) / (1 - kStays));
-    bool divided = false;
-    for (const std::size_t k : order) {
-      if (left <= goal) {
-        break;
-      }
-      left -= errors[k];
-      const Index e = cut_[k];
-      if (hierarchy_[e].area > options.min_area * area) {
-        Divide(e);
-        const Index first = hierarchy_[e].first_child;
-        cut_[k] = first;
-        cut_.insert(cut_.end(), {first + 1, first + 2, first + 3});
-        divided = true;
-      }
-    }
-    if (!divided) {
-      return MeshEnd::kLimit;
-    }
-    divided_error = total - left;
   }
 }
 

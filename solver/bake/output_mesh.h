@@ -1,4 +1,4 @@
-/// The mesh of the output: a cut through the element hierarchy, divided where irradiance is not linear.
+/// The mesh of the output: a cut through the element hierarchy, with irradiance at its vertices.
 #pragma once
 
 #include <functional>
@@ -9,24 +9,9 @@
 
 namespace radbake {
 
-struct MeshOptions {
-  double error = 0.01;       ///< target: relative RMS error of the interpolation
-  double noise = 0.01;       ///< target: relative RMS error of the rays' noise
-  double start_area = 1e-3;  ///< lit elements above this share of the scene's area are divided unseen
-  double near_area = 1e-5;   ///< and those above this share on which something stands
-  double min_area = 1e-8;    ///< elements below this share are not divided
-  std::size_t max_vertices = 4'000'000;
-  /// Called now and then, on the caller's thread, with the estimated error and the vertices so far; true ends
-  /// the refinement with the last round that was finished.
-  std::function<bool(double error, std::size_t vertices)> stop;
-};
-
-/// kLimit: the rays are too few, or the vertices too many, for the target.
-enum class MeshEnd { kError, kLimit, kStopped };
-
-/// Irradiance at the vertices of a cut through the hierarchy. Vertices are shared by all elements of one
-/// smooth or flat surface that meet there; where a neighbour is divided further, its vertices on the common
-/// edge belong to both (no T-vertices, and no cracks even across creases).
+/// Vertices are shared by all elements of one smooth or flat surface that meet there; where a neighbour is
+/// divided further, its vertices on the common edge belong to both (no T-vertices, and no cracks even across
+/// creases). It begins with the patches; RefineMesh or TakeSolution divides it.
 ///
 /// Where a body stands on a surface, what lies under it is sealed: dark, and seen by nobody. A sealed vertex
 /// gets its open neighbours' irradiance, for the sake of the triangles that reach out from under the body:
@@ -37,61 +22,55 @@ class OutputMesh {
   using Loop =
       std::vector<Index>;  ///< vertices around an element, counter-clockwise, beginning at its corner 0
 
-  /// `hold` is told of the hierarchy and of the mesh, with what it takes to emit it.
-  OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Links& links, Hold hold = {});
-
-  /// Divides the elements whose centre is farthest from what their corners interpolate to, worst first, until
-  /// the estimated error of the whole is below the target. What is stopped before the input's own vertices
-  /// are gathered takes the rest of them from the solution. The same on any number of threads. Once only.
-  MeshEnd Refine(const MeshOptions& options);
-
-  /// Instead: the solver's leaves as they are, with the mean of what the solution has where they meet (linear
-  /// interpolation of constants: Cohen, Greenberg 1985); quadratic ones once divided. Casts no ray.
-  void TakeSolution();
-
-  /// Estimated relative RMS error of the interpolation, and of the rays' noise.
-  double error() const { return error_; }
-  double noise() const { return noise_; }
-  std::size_t vertex_count() const { return gathered_; }
-  const std::vector<Index>& cut() const { return cut_; }     ///< the elements of the output
-  const std::vector<Loop>& loops() const { return loops_; }  ///< parallel to cut()
-  const Rgb& Irradiance(Index vertex) const { return at_vertex_[vertex].irradiance; }  ///< normalised
-  const Rgb& CentreIrradiance(Index element) const {                                   ///< at ElementCentre()
-    return at_centre_[element].irradiance;
-  }
-
- private:
+  /// At a vertex or at an element's centre.
   struct Sample {
-    Rgb irradiance = Rgb::Zero();
-    double variance = 0;  // of its rays
+    Rgb irradiance = Rgb::Zero();  ///< normalised
+    double variance = 0;           ///< of its rays
     bool gathered = false;
     bool sealed = false;
   };
-  /// Of an element's centre from the mean of its corners.
-  struct Deviation {
-    Rgb mean = Rgb::Zero();
-    double squared = 0;
-    double noise = 0;  // of `squared`, what the rays' variance explains
-  };
 
-  MeshEnd DivideWhereItMatters(const MeshOptions& options);
+  /// Where irradiance is gathered from: kSolution casts no ray.
+  enum class Source { kRays, kSolution };
+
+  /// `hold` is told of the hierarchy and of the mesh, with what it takes to emit it.
+  OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Links& links, Hold hold = {});
+
+  /// Puts the four children of cut()[k] into its place and behind the last; the hierarchy grows where it has
+  /// none there.
+  void Divide(std::size_t k);
+
+  /// Walks around the elements of the cut, and gathers at the vertices and centres where it has not yet.
+  /// `stop`, if any, is asked now and then, on the caller's thread; if it says true, the cut is again that of
+  /// the last call that was finished, and the answer is false. The same on any number of threads.
+  bool Gather(const std::function<bool()>& stop, Source source = Source::kRays);
+
+  /// Forgets what was gathered; `factor` times as many rays will be cast.
+  void GatherAnew(double factor);
+
+  /// Gives what is sealed the irradiance that is said above. Once, at the end.
+  void CoverSealed();
+
+  double effort() const { return effort_; }  ///< rays, in those of GatherOptions
+  std::size_t vertex_count() const { return gathered_; }
+  const Hierarchy& hierarchy() const { return hierarchy_; }
+  const Gatherer& gatherer() const { return gatherer_; }
+  const std::vector<Index>& cut() const { return cut_; }     ///< the elements of the output
+  const std::vector<Loop>& loops() const { return loops_; }  ///< parallel to cut(), of the last Gather
+  const Sample& AtVertex(Index vertex) const { return at_vertex_[vertex]; }
+  const Sample& AtCentre(Index element) const { return at_centre_[element]; }  ///< by CentreWeights
+  void SetAtVertex(Index vertex, const Sample& sample) { at_vertex_[vertex] = sample; }
+  void SetAtCentre(Index element, const Sample& sample) { at_centre_[element] = sample; }
+  bool IsLit(Index element) const { return lit_[hierarchy_[element].patch]; }
+
+ private:
   void GrowWithHierarchy();
-  /// Those above `area`, and above `near_area` where something stands on them.
-  void DivideUnseen(double area, double near_area);
-  void Divide(Index element);
   void Tell() const;
   void WalkEdges();
   void WalkEdge(Index from, Index to, Loop& loop);
-  enum class Source { kRays, kSolution };
-  bool GatherVertices(const std::function<bool()>& stop, Source source = Source::kRays);
-  bool GatherCentres(const std::function<bool()>& stop, Source source = Source::kRays);
+  bool GatherVertices(const std::function<bool()>& stop, Source source);
+  bool GatherCentres(const std::function<bool()>& stop, Source source);
   Estimate At(const Vec3& x, Index leaf, std::uint64_t key, Source source, double effort) const;
-  Deviation DeviationOf(Index element) const;
-  double ErrorPerDeviation(Index element, const Deviation& deviation) const;
-  std::vector<double> SquaredErrors();
-  void SpendAsNeeded(double noise);
-  void CoverSealed();
-  bool IsLit(Index element) const { return lit_[hierarchy_[element].patch]; }
 
   Hierarchy& hierarchy_;
   const Gatherer& gatherer_;
@@ -99,12 +78,12 @@ class OutputMesh {
   std::vector<bool> lit_;  // by patch: some link leads into it, or it lies under another
   std::vector<Index> cut_;
   std::vector<Loop> loops_;
+  std::vector<Index> finished_cut_;
+  std::vector<Loop> finished_loops_;
   std::vector<bool> used_;  // by position: a corner of some element of the cut
   std::vector<Sample> at_vertex_;
   std::vector<Sample> at_centre_;  // by element
   std::size_t gathered_ = 0;
-  double error_ = 1;
-  double noise_ = 0;
   double effort_ = 1;
 };
 
@@ -114,5 +93,12 @@ inline std::array<float, 4> CentreWeights(const Element& element) {
   return element.CornerCount() == 4 ? std::array{0.25F, 0.25F, 0.25F, 0.25F}
                                     : std::array{341 * kUnit, 341 * kUnit, 342 * kUnit, 0.0F};
 }
+
+/// The place that they give.
+Vec3 ElementCentre(const Hierarchy& hierarchy, Index element);
+
+/// A hair from a vertex or the centre of an element, inside it: at a shared edge form factors have a limit
+/// from each side, and the centre may lie on an edge of a younger element of the solver's.
+Vec3 InsideNear(const Hierarchy& hierarchy, Index element, const Vec3& x);
 
 }  // namespace radbake

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "solver/bake/emit.h"
+#include "solver/bake/mesh_refinement.h"
 #include "solver/transport/seen_polygon.h"
 #include "tests/solve/solved_scene_test.h"
 #include "tests/test_scenes.h"
@@ -235,7 +236,7 @@ TEST(OutputMesh, TakesTheLeavesAsTheyAreAndQuadraticOnesDividedOnce) {
     const Gatherer gatherer(solved.hierarchy, solved.solution.light, solved.solution.links, solved.visibility,
                             GatherOptions());
     OutputMesh mesh(solved.hierarchy, gatherer, solved.solution.links);
-    mesh.TakeSolution();
+    TakeSolution(mesh);
     EXPECT_EQ(mesh.cut().size(), order == BasisOrder::kQuadratic ? 4 * leaves : leaves);
     double& sum = error[static_cast<std::size_t>(order)];
     for (const Index e : mesh.cut()) {
@@ -243,7 +244,7 @@ TEST(OutputMesh, TakesTheLeavesAsTheyAreAndQuadraticOnesDividedOnce) {
       const Rgb known = gatherer.Irradiance(x, gatherer.SolverLeaf(e, x), e).irradiance;
       Rgb at_corners = Rgb::Zero();
       for (const Index corner : solved.hierarchy[e].corner) {
-        at_corners += 0.25 * mesh.Irradiance(corner);
+        at_corners += 0.25 * mesh.AtVertex(corner).irradiance;
       }
       sum += solved.hierarchy[e].area * (at_corners - known).square().sum();
     }
@@ -267,10 +268,10 @@ TEST(OutputMesh, CastsRaysUntilTheirNoiseIsAsLowAsAsked) {
     const std::uint64_t before = solved.visibility.Counted().rays;
     MeshOptions options = Fine();
     options.noise = kNoise[k];
-    mesh.Refine(options);
+    const MeshSummary summary = RefineMesh(mesh, options);
     rays[k] = solved.visibility.Counted().rays - before;
-    EXPECT_GT(mesh.noise(), 0);
-    EXPECT_LT(mesh.noise(), 1.5 * kNoise[k]);
+    EXPECT_GT(summary.noise, 0);
+    EXPECT_LT(summary.noise, 1.5 * kNoise[k]);
   }
   EXPECT_GT(rays[1], 4 * rays[0]);
 }

@@ -44,7 +44,7 @@ inline Baked Bake(const Scene& scene, SolvedScene& solved) {
   const Gatherer gatherer(solved.hierarchy, solved.solution.light, solved.solution.links, solved.visibility,
                           gather);
   OutputMesh mesh(solved.hierarchy, gatherer, solved.solution.links);
-  mesh.Refine(CoarseMesh());
+  RefineMesh(mesh, CoarseMesh());
   const BakedScene output = Emit(solved.hierarchy, mesh, solved.surface_count, 1.0);
   Baked baked;
   for (std::size_t s = 0; s < scene.surfaces.size(); ++s) {

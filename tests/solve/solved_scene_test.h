@@ -3,6 +3,7 @@
 
 #include "solver/bake/emit.h"
 #include "solver/bake/gather.h"
+#include "solver/bake/mesh_refinement.h"
 #include "solver/bake/output_mesh.h"
 #include "solver/hierarchy/hierarchy.h"
 #include "solver/scene/patches.h"
@@ -24,7 +25,7 @@ struct SolvedScene {
   BakedScene Output(const MeshOptions& options) {
     const Gatherer gatherer(hierarchy, solution.light, solution.links, visibility, GatherOptions());
     OutputMesh mesh(hierarchy, gatherer, solution.links);
-    mesh.Refine(options);
+    RefineMesh(mesh, options);
     return Emit(hierarchy, mesh, surface_count, 1.0);
   }
 
