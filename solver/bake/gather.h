@@ -55,6 +55,10 @@ class Gatherer {
   /// Is the solution over a leaf more than interpolation between its corners can show?
   bool IsCurved() const { return light_.basis.count() > BasisCount(BasisOrder::kLinear); }
 
+  /// GatherOptions::by_rays: then an estimate's variance is what its rays differ by, and they err each for
+  /// itself. Along links they are so evenly spread that it is a bound.
+  bool IsByRays() const { return emitters_.has_value(); }
+
   /// Does another patch lie over a part of this one?
   bool MayBeCovered(Index patch) const { return visibility_.overlaps().AnyOver(patch); }
 

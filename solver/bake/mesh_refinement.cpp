@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "solver/bake/neighbourhood.h"
+#include "solver/bake/smoothing.h"
 
 namespace radbake {
 namespace {
@@ -85,6 +86,23 @@ MeshError ErrorOf(const OutputMesh& mesh) {
     result.noise = std::sqrt(noise / norm);
   }
   return result;
+}
+
+/// Relative RMS, of neighbours that may err alike.
+double NoiseOf(const OutputMesh& mesh) {
+  double norm = 0;
+  double noise = 0;
+  for (const Index e : mesh.cut()) {
+    const Element& element = mesh.hierarchy()[e];
+    const OutputMesh::Sample& centre = mesh.AtCentre(e);
+    double variance = centre.variance;
+    for (int c = 0; c < element.CornerCount(); ++c) {
+      variance += mesh.AtVertex(element.corner[static_cast<std::size_t>(c)]).variance / element.CornerCount();
+    }
+    noise += element.area * variance / 2;
+    norm += element.area * centre.irradiance.square().sum();
+  }
+  return norm > 0 ? std::sqrt(noise / norm) : 0;
 }
 
 /// Those above `area`, and above `near_area` where something stands on them.
@@ -194,7 +212,11 @@ MeshSummary DivideWhereItMatters(OutputMesh& mesh, const MeshOptions& options) {
 }  // namespace
 
 MeshSummary RefineMesh(OutputMesh& mesh, const MeshOptions& options) {
-  const MeshSummary summary = DivideWhereItMatters(mesh, options);
+  MeshSummary summary = DivideWhereItMatters(mesh, options);
+  if (mesh.gatherer().IsByRays()) {
+    SmoothNoise(mesh);
+    summary.noise = NoiseOf(mesh);
+  }
   mesh.CoverSealed();
   return summary;
 }
