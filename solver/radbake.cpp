@@ -96,7 +96,8 @@ constexpr double kLeftBySolution = 0.55;
 MeshOptions MeshOptionsOf(const Parameters& parameters, bool by_rays) {
   MeshOptions options;
   options.error = 0.5 * parameters.error;
-  options.noise = 0.7 * parameters.error;
+  // What is left of the rays' noise when it has been smoothed is less.
+  options.noise = (by_rays ? 1.2 : 0.7) * parameters.error;
   options.start_area = std::clamp(0.05 * parameters.error, 1e-5, 1e-2);
   options.near_area = options.start_area / (by_rays ? 64 : 1);
   options.min_area = 1e-4 * options.start_area;
@@ -168,7 +169,7 @@ Baking BakeTo(double error, double solve_share, double gather_share, const Setti
 
   const Gatherer gatherer(hierarchy, solution.light, solution.links, visibility,
                           GatherOptionsOf(asked, by_rays));
-  const std::size_t solved = beside + solution.light.Bytes() + solution.links.Bytes();
+  const std::size_t solved = beside + solution.light.Bytes() + solution.links.Bytes() + gatherer.Bytes();
   OutputMesh mesh(hierarchy, gatherer, solution.links,
                   [&](std::size_t bytes) { memory.Check(solved + bytes); });
   MeshSummary gathered;

@@ -16,7 +16,7 @@ namespace {
 constexpr double kTolerance = 1e-3;
 
 // Rays around a point, in those that go to a shooter that gives all of its light.
-constexpr double kRaysAround = 2;
+constexpr double kRaysAround = 1.3;
 
 // Of the rays, what the smallest patches get.
 constexpr double kLeastShare = 0.25;

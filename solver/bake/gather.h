@@ -59,6 +59,9 @@ class Gatherer {
   /// itself. Along links they are so evenly spread that it is a bound.
   bool IsByRays() const { return emitters_.has_value(); }
 
+  /// Of memory that grows with the elements.
+  std::size_t Bytes() const { return BytesOf(seen_); }
+
   /// Does another patch lie over a part of this one?
   bool MayBeCovered(Index patch) const { return visibility_.overlaps().AnyOver(patch); }
 
