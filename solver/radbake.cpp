@@ -46,6 +46,9 @@ constexpr std::array kByMethod{
     ByMethod{Refinement::kMatrix, 0.05, 32}, ByMethod{Refinement::kTwoLevel, 0.005, 256},
     ByMethod{Refinement::kHierarchical, 0.02, 1024}, ByMethod{Refinement::kAdaptive, 1e-4, 256}};
 
+/// Of the emitted power: beyond it a bake warns.
+constexpr double kMostImbalance = 0.02;
+
 SolveOptions OptionsOf(const Parameters& parameters, bool by_rays) {
   SolveOptions options;
   const ByMethod& by_method = kByMethod[static_cast<std::size_t>(parameters.method)];
@@ -214,6 +217,12 @@ Baking BakeInMemory(double error, double solve_share, double gather_share, const
   }
 }
 
+std::string Percent(double share) {
+  std::ostringstream text;
+  text << 100 * share << " %";
+  return text.str();
+}
+
 /// Says to what a bake was coarsened, and what the asked error would have needed.
 std::string MemoryWarning(const Baking& baking, double asked, const MemoryBudget& memory) {
   // What was there before anything was divided stays; the rest grows about as the error falls.
@@ -223,14 +232,9 @@ std::string MemoryWarning(const Baking& baking, double asked, const MemoryBudget
                                                static_cast<double>(baking.iterations.back().elements);
   const auto most = static_cast<double>(baking.most_bytes);
   const double needed = most + std::max(0.0, most - undivided) * (baking.error / asked - 1);
-  const auto percent = [](double error) {
-    std::ostringstream text;
-    text << 100 * error << " %";
-    return text.str();
-  };
-  return "an error of " + percent(asked) + " would have needed about " +
+  return "an error of " + Percent(asked) + " would have needed about " +
          BytesInWords(std::max(static_cast<std::size_t>(needed), memory.limit())) + " of memory; baked to " +
-         percent(baking.error) + " within the limit of " + BytesInWords(memory.limit());
+         Percent(baking.error) + " within the limit of " + BytesInWords(memory.limit());
 }
 
 /// The error that is likely to take `seconds`, after one that took `last_seconds`.
@@ -340,6 +344,10 @@ BakeResult BakeAll(const gltf::Source& source, const Parameters& asked, const Pr
   phases.Finish();
 
   statistics.energy = baking.energy;
+  if (!(baking.energy.imbalance <= kMostImbalance)) {
+    statistics.warnings.push_back("the energy balance is open by " + Percent(baking.energy.imbalance) +
+                                  ": the light is too uncertain at these settings");
+  }
   statistics.iterations = std::move(baking.iterations);
   statistics.solve_bytes = baking.bytes;
   statistics.estimated_error = baking.estimated_error;

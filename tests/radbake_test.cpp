@@ -17,6 +17,10 @@
 namespace radbake {
 namespace {
 
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using ::testing::StartsWith;
+
 gltf::Source Ours(const std::string& name) {
   return gltf::ReadSource(std::string(RADBAKE_SOURCE_DIR "/scenes/") + name);
 }
@@ -110,6 +114,17 @@ TEST(Accuracy, OfAFurnishedRoomOfManySmallPatchesIsWhatIsAsked) {
   // Far from one for each pair, or for each pair of objects.
   EXPECT_LE(statistics.iterations.back().links, 60'000U);
   EXPECT_EQ(statistics.stopped_by, StoppedBy::kError);
+}
+
+TEST(Bake, WarnsOfAnEnergyBalanceThatIsOpen) {
+  Parameters parameters = Asking(0.1, 0);
+  EXPECT_THAT(Bake(Ours("cornell-box.glb"), parameters).statistics.warnings, IsEmpty());
+  parameters.method = Method::kHierarchical;
+  parameters.oracle.f_max = 0.5;
+  parameters.oracle.a_min = 0.01;
+  const Statistics statistics = Bake(Ours("cornell-box.glb"), parameters).statistics;
+  EXPECT_GT(statistics.energy.imbalance, 0.02);
+  EXPECT_THAT(statistics.warnings, ElementsAre(StartsWith("the energy balance is open by ")));
 }
 
 TEST(Accuracy, WithoutFinalGatherIsThatOfTheSolution) {
