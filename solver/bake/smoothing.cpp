@@ -9,6 +9,7 @@
 #include <cmath>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace radbake {
@@ -72,7 +73,7 @@ class Nodes {
 /// further terms so much as the points' scatter does not explain.
 class Regression {
  public:
-  explicit Regression(const Vec3& origin) : origin_(origin) {}
+  explicit Regression(Vec3 origin) : origin_(std::move(origin)) {}
 
   void Add(const Vec3& place, const OutputMesh::Sample& sample) {
     points_.push_back({place - origin_, &sample});

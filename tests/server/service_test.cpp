@@ -149,6 +149,14 @@ bool ReceiveUntil(const Descriptor& connection, const std::string& end, std::str
 
 namespace {
 
+// Of a service that was killed between the head and the body, say. RFC 9112 section 8: the message is
+// incomplete.
+bool IsCutShort(const std::string& request, const Answer& answer) {
+  const auto length = answer.headers.find("content-length");
+  const bool has_body = !request.starts_with("HEAD ") && answer.status != 204 && answer.status != 304;
+  return has_body && length != answer.headers.end() && answer.body.size() < std::stoull(length->second);
+}
+
 void Record(const std::string& request, const Answer& answer) {
   const char* folder = std::getenv("RADBAKED_ANSWERS");
   if (folder == nullptr || answer.status == 0) {
@@ -181,6 +189,9 @@ Answer Receive(const Descriptor& connection, const std::string& request) {
     text.append(buffer.data(), static_cast<std::size_t>(count));
   }
   Answer answer = ParseAnswer(text);
+  if (IsCutShort(request, answer)) {
+    return {};
+  }
   Record(request, answer);
   return answer;
 }

@@ -51,7 +51,7 @@ printf '{"version":"0"}' > attempt/statistics.json
 )";
 
 struct Answer {
-  int status = 0;                              ///< 0: there was none
+  int status = 0;                              ///< 0: there was none, or one that was cut short
   std::map<std::string, std::string> headers;  ///< names in lower case
   std::string body;
   nlohmann::json Json() const { return nlohmann::json::parse(body, nullptr, false); }
