@@ -105,7 +105,8 @@ TEST(Accuracy, OfAFurnishedRoomOfManySmallPatchesIsWhatIsAsked) {
   ASSERT_EQ(std::system(command.c_str()), 0);  // NOLINT(concurrency-mt-unsafe)
   const gltf::Source room = gltf::ReadSource(file);
   std::filesystem::remove_all(folder);
-  const Statistics statistics = Bake(room, Asking(0.2, 512)).statistics;
+  // Of 512 probes the bias is uncertain by ±1.3 %.
+  const Statistics statistics = Bake(room, Asking(0.2, 4096)).statistics;
   EXPECT_EQ(statistics.scene.triangles, 9980U);
   ASSERT_TRUE(statistics.measured.has_value());
   EXPECT_LE(statistics.measured->error, 0.2);
