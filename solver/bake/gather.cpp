@@ -21,9 +21,8 @@ constexpr double kRaysAround = 1.3;
 // Of the rays, what the smallest patches get.
 constexpr double kLeastShare = 0.25;
 
-// Form factors of leaves that may be near, and of those that are half of what is seen.
+// Form factor of a leaf that may be near.
 constexpr double kClose = 0.05;
-constexpr double kTouching = 0.2;
 
 /// How far the visibility of a point of the receiver may be from the link's: much where that is neither 0 nor
 /// 1.
@@ -122,7 +121,7 @@ Estimate Gatherer::From(const Link& link, Index shooter, const Rgb& shooting, do
   if (!IsUneven(shooter, unoccluded, look)) {
     return Seen(link, shooter, unoccluded * shooting, chance, look);
   }
-  const Estimate near = ShootingNear(shooter, unoccluded < kTouching ? 1 : 2, shooting, look);
+  const Estimate near = ShootingNear(shooter, shooting, look);
   Estimate seen = Seen(link, shooter, unoccluded * near.irradiance, chance, look);
   seen.variance += unoccluded * unoccluded * near.variance;
   return seen;
@@ -201,9 +200,10 @@ bool Gatherer::IsUneven(Index shooter, double form_factor, const Look& look) con
   return form_factor * deviation > options_.uneven * look.scale;
 }
 
-Estimate Gatherer::ShootingNear(Index shooter, int points, const Rgb& otherwise, Look& look) const {
+Estimate Gatherer::ShootingNear(Index shooter, const Rgb& otherwise, Look& look) const {
   // Directions that meet the shooter find its points by form factor, however near it is.
   constexpr int kDirections = 64;
+  constexpr int kPoints = 2;
   constexpr double kEffort = 0.1;
   const Polygon shape = hierarchy_.Shape(shooter);
   look.key = Hash(look.key);
@@ -211,7 +211,7 @@ Estimate Gatherer::ShootingNear(Index shooter, int points, const Rgb& otherwise,
   Rgb sum = Rgb::Zero();
   Rgb squares = Rgb::Zero();
   int found = 0;
-  for (int k = 0; k < kDirections && found < points; ++k) {
+  for (int k = 0; k < kDirections && found < kPoints; ++k) {
     const auto u = random.Next();
     const Vec3 direction = CosineDirection(look.n, u[0], u[1]);
     const double towards = direction.dot(shape.normal);

@@ -122,8 +122,8 @@ class Gatherer {
   /// Does the point see so much of a leaf that its mean will not do, as before a shadow or a body's foot?
   bool IsUneven(Index shooter, double form_factor, const Look& look) const;
 
-  /// Then: the radiosity of what it sees, gathered there at so many points by form factor, and its variance.
-  Estimate ShootingNear(Index shooter, int points, const Rgb& otherwise, Look& look) const;
+  /// Then: the radiosity of what it sees, gathered there at a few points by form factor, and its variance.
+  Estimate ShootingNear(Index shooter, const Rgb& otherwise, Look& look) const;
 
   const Hierarchy& hierarchy_;
   const Light& light_;
