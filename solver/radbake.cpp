@@ -100,7 +100,7 @@ MeshOptions MeshOptionsOf(const Parameters& parameters, bool by_rays) {
   MeshOptions options;
   options.error = 0.5 * parameters.error;
   // What is left of the rays' noise when it has been smoothed is less.
-  options.noise = (by_rays ? 1.2 : 0.7) * parameters.error;
+  options.noise = (by_rays ? 1.2 : 0.65) * parameters.error;
   options.start_area = std::clamp(0.05 * parameters.error, 1e-5, 1e-2);
   options.near_area = options.start_area / (by_rays ? 64 : 1);
   options.min_area = 1e-4 * options.start_area;
@@ -351,10 +351,10 @@ BakeResult BakeAll(const gltf::Source& source, const Parameters& asked, const Pr
   statistics.iterations = std::move(baking.iterations);
   statistics.solve_bytes = baking.bytes;
   statistics.estimated_error = baking.estimated_error;
-  statistics.stopped_by = baking.memory_bound             ? StoppedBy::kLimit
-                          : baking.stopped()              ? StoppedBy::kTimeBudget
-                          : baking.end == MeshEnd::kLimit ? StoppedBy::kLimit
-                                                          : StoppedBy::kError;
+  statistics.stopped_by = baking.memory_bound                         ? StoppedBy::kLimit
+                          : baking.stopped()                          ? StoppedBy::kTimeBudget
+                          : baking.estimated_error > parameters.error ? StoppedBy::kLimit
+                                                                      : StoppedBy::kError;
   statistics.rays = visibility->Counted().rays;
   for (const BakedSurface& surface : baking.output.surfaces) {
     for (const BakedMesh* side : {&surface.front, &surface.back}) {

@@ -137,6 +137,9 @@ TEST(Accuracy, WithoutFinalGatherIsThatOfTheSolution) {
   EXPECT_LT(solution.rays, gathered.rays);
   ASSERT_TRUE(solution.measured && gathered.measured);
   EXPECT_LT(solution.measured->error, 0.04);
+  // What is above the target has not reached it.
+  EXPECT_GT(solution.estimated_error, 0.02);
+  EXPECT_EQ(solution.stopped_by, StoppedBy::kLimit);
   EXPECT_LT(std::abs(solution.measured->bias), 0.005);
   EXPECT_LT(gathered.measured->error, 0.6 * solution.measured->error);
 }

@@ -35,6 +35,13 @@ double Uncertainty(const Link& link) {
   return std::max(kLeast, 2 * std::sqrt(std::max(0.0, v * (1 - v))));
 }
 
+/// At most, of the share of quasi-random points that lie on one side of edges, in those of a single point:
+/// n⁻¹ where edges are denser than the points, n⁻¹·⁵ where they are not.
+double VarianceOfHits(int n) {
+  constexpr double kEdges = 3;
+  return std::min(1.0, kEdges / std::sqrt(n)) / n;
+}
+
 }  // namespace
 
 Gatherer::Gatherer(const Hierarchy& hierarchy, const Light& light, const Links& links,
@@ -76,36 +83,33 @@ bool Gatherer::IsSealed(const Vec3& x, Index leaf) const {
   return visibility_.IsSealed(x, hierarchy_.Shape(leaf), batch.rays);
 }
 
+double Gatherer::Chance(const Link& link, const Rgb& shooting, double form_factor, Look& look) const {
+  const double chance = std::min(1.0, Luminance(shooting) / look.scale * look.effort * form_factor *
+                                          Uncertainty(link) / options_.negligible);
+  look.key = Hash(look.key);
+  return static_cast<double>(look.key >> 11U) * 0x1p-53 < chance ? chance : 0;
+}
+
 Estimate Gatherer::Along(const Link& link, Look& look) const {
-  // A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters.
-  // Hundreds of links that hardly matter may err the same way, as in a cavity of a cluster: a few of them
-  // cast a ray for all (Russian roulette).
   const bool self = link.receiver == link.shooter;
   const double form_factor = std::max(link.form_factor, link.judged_factor);
   const Rgb shooting = self ? light_.cluster_radiosity[link.shooter - kFirstCluster].mean
                             : Shooting(link.shooter, form_factor, look);
-  double chance = 1;
-  if (!link.clear) {
-    chance = std::min(1.0, Luminance(shooting) / look.scale * look.effort * form_factor * Uncertainty(link) /
-                               options_.negligible);
-    look.key = Hash(look.key);
-    if (static_cast<double>(look.key >> 11U) * 0x1p-53 >= chance) {
-      chance = 0;
-    }
+  if (self) {
+    return Seen(link, link.shooter, link.form_factor * shooting, Chance(link, shooting, form_factor, look),
+                look);
   }
+  return From(link, link.shooter, shooting, look);
+}
+
+Estimate Gatherer::From(const Link& link, Index shooter, const Rgb& shooting, Look& look) const {
+  const double unoccluded = IsElement(shooter) ? seen_[shooter].From(look.x, look.n, kTolerance)
+                                               : UnoccludedAt(hierarchy_, look.x, look.n, shooter);
+  // By the point's own form factor: near a shooter it may be a thousand times the link's.
+  const double chance = link.clear ? 1 : Chance(link, shooting, unoccluded, look);
   if (chance == 0 && link.visibility == 0) {
     return {};
   }
-  if (self) {
-    return Seen(link, link.shooter, link.form_factor * shooting, chance, look);
-  }
-  return From(link, link.shooter, shooting, chance, look);
-}
-
-Estimate Gatherer::From(const Link& link, Index shooter, const Rgb& shooting, double chance,
-                        Look& look) const {
-  const double unoccluded = IsElement(shooter) ? seen_[shooter].From(look.x, look.n, kTolerance)
-                                               : UnoccludedAt(hierarchy_, look.x, look.n, shooter);
   if (!IsElement(shooter) || chance < 1) {
     return Seen(link, shooter, unoccluded * shooting, chance, look);
   }
@@ -114,7 +118,7 @@ Estimate Gatherer::From(const Link& link, Index shooter, const Rgb& shooting, do
     Estimate sum;
     const Index first = hierarchy_[shooter].first_child;
     for (Index child = first; child < first + 4; ++child) {
-      sum += From(link, child, Shooting(child, unoccluded, look), chance, look);
+      sum += From(link, child, Shooting(child, unoccluded, look), look);
     }
     return sum;
   }
@@ -143,7 +147,7 @@ Estimate Gatherer::Seen(const Link& link, Index shooter, const Rgb& open, double
     const double visible =
         visibility_.FromPoint(look.x, look.n, hierarchy_.Shape(shooter), look.on_polygon, rays);
     seen = visible * open;
-    variance = visible * (1 - visible) * open.square().sum() / rays;
+    variance = visible * (1 - visible) * open.square().sum() * VarianceOfHits(rays);
   } else {
     seen = FromNodeAt(hierarchy_, light_, visibility_, look.x, look.n, shooter, look.on_cluster, rays);
   }
@@ -205,6 +209,7 @@ Estimate Gatherer::ShootingNear(Index shooter, const Rgb& otherwise, Look& look)
   constexpr int kDirections = 64;
   constexpr int kPoints = 2;
   constexpr double kEffort = 0.1;
+  constexpr double kHair = 1e-4;  // from an edge rays may miss the surface beyond it
   const Polygon shape = hierarchy_.Shape(shooter);
   look.key = Hash(look.key);
   QuasiRandom<2> random(look.key);
@@ -218,11 +223,12 @@ Estimate Gatherer::ShootingNear(Index shooter, const Rgb& otherwise, Look& look)
     if (towards >= 0) {
       continue;
     }
-    const Vec3 y = look.x + (shape[0] - look.x).dot(shape.normal) / towards * direction;
+    Vec3 y = look.x + (shape[0] - look.x).dot(shape.normal) / towards * direction;
     if (DepthInside(shape, y) <= 0) {
       continue;
     }
     const Index leaf = SolverLeaf(shooter, y);
+    y += kHair * (hierarchy_.Centre(leaf) - y);
     if (IsSealed(y, leaf)) {
       continue;
     }

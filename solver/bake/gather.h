@@ -97,11 +97,16 @@ class Gatherer {
   Look LookFrom(const Vec3& x, Index leaf, std::uint64_t key, double effort, bool at_shooter) const;
   Estimate Irradiance(Index leaf, Look look) const;
 
+  /// A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters. Hundreds
+  /// of links that hardly matter may err the same way, as in a cavity of a cluster: a few of them cast a ray
+  /// for all (Russian roulette). The chance of this one, or 0 if it casts none.
+  double Chance(const Link& link, const Rgb& shooting, double form_factor, Look& look) const;
+
   /// What one link brings.
   Estimate Along(const Link& link, Look& look) const;
 
   /// What its shooter or a part of that brings, `shooting` on the whole: in parts where it is uneven.
-  Estimate From(const Link& link, Index shooter, const Rgb& shooting, double chance, Look& look) const;
+  Estimate From(const Link& link, Index shooter, const Rgb& shooting, Look& look) const;
 
   /// What of `open` is not blocked.
   Estimate Seen(const Link& link, Index shooter, const Rgb& open, double chance, Look& look) const;

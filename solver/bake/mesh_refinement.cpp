@@ -27,16 +27,31 @@ struct Deviation {
 
 Deviation DeviationOf(const OutputMesh& mesh, Index e) {
   const Element& element = mesh.hierarchy()[e];
-  const auto count = static_cast<std::size_t>(element.CornerCount());
   const OutputMesh::Sample& centre = mesh.AtCentre(e);
   Deviation result;
-  result.noise = centre.variance;
-  for (std::size_t c = 0; c < count; ++c) {
-    const OutputMesh::Sample& corner = mesh.AtVertex(element.corner[c]);
-    result.mean += corner.irradiance / static_cast<double>(count);
-    result.noise += corner.variance / static_cast<double>(count * count);
+  double open = 0;
+  for (int c = 0; c < element.CornerCount(); ++c) {
+    const OutputMesh::Sample& corner = mesh.AtVertex(element.corner[static_cast<std::size_t>(c)]);
+    if (!corner.sealed) {
+      result.mean += corner.irradiance;
+      result.noise += corner.variance;
+      ++open;
+    }
   }
-  result.squared = (centre.irradiance - result.mean).square().sum();
+  if (open == 0) {
+    return {.mean = centre.irradiance};
+  }
+  result.mean /= open;
+  result.noise /= open * open;
+  if (!centre.sealed) {
+    result.squared = (centre.irradiance - result.mean).square().sum();
+    result.noise += centre.variance;
+  } else if (element.parent != kNone && mesh.AtCentre(element.parent).gathered) {
+    constexpr double kFall = 0.25;
+    const Deviation above = DeviationOf(mesh, element.parent);
+    result.squared = kFall * above.squared;
+    result.noise = kFall * above.noise;
+  }
   return result;
 }
 
@@ -119,13 +134,15 @@ void DivideUnseen(OutputMesh& mesh, double area, double near_area) {
   }
 }
 
-void SpendAsNeeded(OutputMesh& mesh, double noise, double asked) {
+/// Casts as many more rays as their noise asks for, if `worth` times as many or more. Says whether it did.
+bool SpendAsNeeded(OutputMesh& mesh, double noise, double asked, double worth) {
   constexpr double kMost = 64;
-  constexpr double kWorth = 1.5;
-  const double effort = std::clamp(std::pow(noise / asked, 2), 0.5, kMost / mesh.effort());
-  if (effort >= kWorth) {
-    mesh.GatherAnew(effort);
+  const double effort = std::min(std::pow(noise / asked, 2), kMost / mesh.effort());
+  if (effort < worth) {
+    return false;
   }
+  mesh.GatherAnew(effort);
+  return true;
 }
 
 MeshSummary DivideWhereItMatters(OutputMesh& mesh, const MeshOptions& options) {
@@ -159,13 +176,18 @@ MeshSummary DivideWhereItMatters(OutputMesh& mesh, const MeshOptions& options) {
     summary.error = error.interpolation;
     summary.noise = error.noise;
     if (unseen > options.start_area) {
-      SpendAsNeeded(mesh, error.noise, options.noise);
+      constexpr double kWorth = 1.1;
+      SpendAsNeeded(mesh, error.noise, options.noise, kWorth);
       unseen = std::max(unseen / kUnseenFall, options.start_area);
       DivideUnseen(mesh, unseen * area, (unseen > options.start_area ? unseen : options.near_area) * area);
       continue;
     }
     if (error.interpolation <= options.error) {
-      return ended(MeshEnd::kError);
+      constexpr double kLittle = 1.02;
+      if (SpendAsNeeded(mesh, error.noise, options.noise, kLittle)) {
+        continue;
+      }
+      return ended(std::pow(error.noise / options.noise, 2) < kLittle ? MeshEnd::kError : MeshEnd::kLimit);
     }
     if (mesh.vertex_count() >= options.max_vertices) {
       return ended(MeshEnd::kLimit);

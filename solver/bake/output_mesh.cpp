@@ -120,8 +120,8 @@ void OutputMesh::Tell() const {
   constexpr std::size_t kPlace = 2 * (sizeof(double) + sizeof(std::size_t));
   constexpr std::size_t kEmitted = 2 * (sizeof(BakedVertex) + 2 * sizeof(Triangle)) + 6 * sizeof(void*);
   if (hold_) {
-    hold_(hierarchy_.Bytes() + BytesOf(at_vertex_) + BytesOf(at_centre_) +
-          cut_.size() * (2 * kLoop + kMeetings + kPlace + kEmitted));
+    hold_(hierarchy_.Bytes() + BytesOf(at_vertex_) + BytesOf(at_centre_) + BytesOf(finished_at_vertex_) +
+          BytesOf(finished_at_centre_) + cut_.size() * (2 * kLoop + kMeetings + kPlace + kEmitted));
   }
 }
 
@@ -148,17 +148,25 @@ bool OutputMesh::Gather(const std::function<bool()>& stop, Source source) {
       cut_ = finished_cut_;
       loops_ = finished_loops_;
     }
+    if (!finished_at_vertex_.empty()) {
+      at_vertex_ = std::move(finished_at_vertex_);
+      at_centre_ = std::move(finished_at_centre_);
+      GrowWithHierarchy();
+    }
     return false;
   }
   finished_cut_ = cut_;
   finished_loops_ = loops_;
+  finished_at_vertex_ = {};
+  finished_at_centre_ = {};
   return true;
 }
 
 void OutputMesh::GatherAnew(double factor) {
   effort_ *= factor;
-  std::ranges::fill(at_vertex_, Sample{});
-  std::ranges::fill(at_centre_, Sample{});
+  finished_at_vertex_ = std::exchange(at_vertex_, {});
+  finished_at_centre_ = std::exchange(at_centre_, {});
+  GrowWithHierarchy();
   gathered_ = 0;
 }
 

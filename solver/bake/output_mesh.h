@@ -45,7 +45,8 @@ class OutputMesh {
   /// the last call that was finished, and the answer is false. The same on any number of threads.
   bool Gather(const std::function<bool()>& stop, Source source = Source::kRays);
 
-  /// Forgets what was gathered; `factor` times as many rays will be cast.
+  /// Will gather everything once more, with `factor` times as many rays; what was gathered is kept until the
+  /// next Gather is finished.
   void GatherAnew(double factor);
 
   /// Gives what is sealed the irradiance that is said above. Once, at the end.
@@ -80,6 +81,8 @@ class OutputMesh {
   std::vector<Loop> loops_;
   std::vector<Index> finished_cut_;
   std::vector<Loop> finished_loops_;
+  std::vector<Sample> finished_at_vertex_;  // before GatherAnew
+  std::vector<Sample> finished_at_centre_;
   std::vector<bool> used_;  // by position: a corner of some element of the cut
   std::vector<Sample> at_vertex_;
   std::vector<Sample> at_centre_;  // by element
