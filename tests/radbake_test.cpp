@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -96,15 +97,22 @@ TEST(Accuracy, OfTheOtherScenesIsTwoPercentToo) {
   }
 }
 
-TEST(Accuracy, OfAFurnishedRoomOfManySmallPatchesIsWhatIsAsked) {
+gltf::Source FurnishedRoom() {
   std::string folder = (std::filesystem::temp_directory_path() / "radbake-furnished-XXXXXX").string();
-  ASSERT_NE(mkdtemp(folder.data()), nullptr);
+  if (mkdtemp(folder.data()) == nullptr) {
+    throw std::runtime_error("no temporary folder");
+  }
   const std::string file = folder + "/room.glb";
   const std::string command =
       "python3 -B '" RADBAKE_SOURCE_DIR "/scenes/make_room.py' 10000 '" + file + "' > /dev/null";
-  ASSERT_EQ(std::system(command.c_str()), 0);  // NOLINT(concurrency-mt-unsafe)
-  const gltf::Source room = gltf::ReadSource(file);
+  EXPECT_EQ(std::system(command.c_str()), 0);  // NOLINT(concurrency-mt-unsafe)
+  gltf::Source room = gltf::ReadSource(file);
   std::filesystem::remove_all(folder);
+  return room;
+}
+
+TEST(Accuracy, OfAFurnishedRoomOfManySmallPatchesIsWhatIsAsked) {
+  const gltf::Source room = FurnishedRoom();
   // Of 512 probes the bias is uncertain by ±1.3 %.
   const Statistics statistics = Bake(room, Asking(0.2, 4096)).statistics;
   EXPECT_EQ(statistics.scene.triangles, 9980U);
@@ -115,6 +123,15 @@ TEST(Accuracy, OfAFurnishedRoomOfManySmallPatchesIsWhatIsAsked) {
   // Far from one for each pair, or for each pair of objects.
   EXPECT_LE(statistics.iterations.back().links, 60'000U);
   EXPECT_EQ(statistics.stopped_by, StoppedBy::kError);
+}
+
+TEST(Accuracy, OfAFurnishedRoomIsNotWhatItsClustersSmear) {
+  // As the solution has it, what surfaces reflect is 4 % too dark where they are lit and far too bright under
+  // the furniture, and the bake 2 % too dark.
+  const Statistics statistics = Bake(FurnishedRoom(), Asking(0.05, 8192)).statistics;
+  ASSERT_TRUE(statistics.measured.has_value());
+  EXPECT_LE(statistics.measured->error, 0.05);
+  EXPECT_LE(std::abs(statistics.measured->bias), 0.014);
 }
 
 TEST(Bake, WarnsOfAnEnergyBalanceThatIsOpen) {

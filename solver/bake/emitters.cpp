@@ -95,8 +95,8 @@ Estimate Emitters::FromEach(const Visibility& visibility, const Vec3& x, const V
     const int count = std::max(1, static_cast<int>(std::lround(worth)));
     const double visible = visibility.FromPoint(x, n, shape, random, count);
     sum.irradiance += visible / chance * open;
-    sum.variance += (visible * (1 - visible) / count + visible * visible * (1 / chance - 1)) / chance *
-                    open.square().sum();
+    sum.variance += (visible * (1 - visible) * VarianceOfHits(count) + visible * visible * (1 / chance - 1)) /
+                    chance * open.square().sum();
   }
   return sum;
 }

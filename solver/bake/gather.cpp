@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "solver/bake/mesh_light.h"
 #include "solver/bake/surroundings.h"
 #include "solver/transport/coupling.h"
 #include "solver/transport/node_transport.h"
@@ -33,13 +34,6 @@ double Uncertainty(const Link& link) {
   constexpr double kLeast = 0.1;
   const double v = link.visibility;
   return std::max(kLeast, 2 * std::sqrt(std::max(0.0, v * (1 - v))));
-}
-
-/// At most, of the share of quasi-random points that lie on one side of edges, in those of a single point:
-/// n⁻¹ where edges are denser than the points, n⁻¹·⁵ where they are not.
-double VarianceOfHits(int n) {
-  constexpr double kEdges = 3;
-  return std::min(1.0, kEdges / std::sqrt(n)) / n;
 }
 
 }  // namespace
@@ -235,7 +229,7 @@ Estimate Gatherer::ShootingNear(Index shooter, const Rgb& otherwise, Look& look)
     ++found;
     look.key = Hash(look.key);
     const Patch& patch = hierarchy_.PatchOf(leaf);
-    const Look at_y = LookFrom(y, leaf, look.key, kEffort * look.effort, true);
+    const Look at_y = LookFrom(y, leaf, look.key, kEffort * look.effort, true, nullptr);
     const Rgb radiosity = patch.emission + patch.reflectance * Irradiance(leaf, at_y).irradiance;
     sum += radiosity;
     squares += radiosity.square();
@@ -261,20 +255,22 @@ Rgb Gatherer::Solved(Index leaf, const Vec3& x) const {
 }
 
 Gatherer::Look Gatherer::LookFrom(const Vec3& x, Index leaf, std::uint64_t key, double effort,
-                                  bool at_shooter) const {
+                                  bool at_shooter, const MeshLight* mesh) const {
   // A dark corner gets as many rays as its own light deserves, within reason.
   return {x,
           hierarchy_.PatchOf(leaf).normal,
           std::max(Luminance(light_.irradiance[leaf]), 0.1 * typical_),
           effort,
           at_shooter,
+          mesh,
           QuasiRandom<2>(key),
           QuasiRandom<3>(key),
           key};
 }
 
-Estimate Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key, double effort) const {
-  return Irradiance(leaf, LookFrom(x, leaf, key, effort, false));
+Estimate Gatherer::Irradiance(const Vec3& x, Index leaf, std::uint64_t key, double effort,
+                              const MeshLight* mesh) const {
+  return Irradiance(leaf, LookFrom(x, leaf, key, effort, false, mesh));
 }
 
 template <typename Take>
@@ -297,29 +293,26 @@ Estimate Gatherer::AlongLinks(Index leaf, Look& look, const Take& take) const {
   return sum;
 }
 
-Estimate Gatherer::ByRays(Look& look, Index leaf, double rays, int depth) const {
+Estimate Gatherer::ByRays(Look& look, Index leaf, double rays) const {
   Estimate sum = emitters_->At(visibility_, look.x, look.n, look.scale, rays, Hash(look.key ^ leaf));
-  sum += FromSurroundings(hierarchy_, light_, visibility_, look.x, look.n, rays, Hash(~look.key ^ leaf),
-                          [&](const Met& met) { return Reflected(met, depth); });
+  sum += FromSurroundings(hierarchy_, visibility_, look.x, look.n, rays, Hash(~look.key ^ leaf),
+                          [&](const Met& met) { return Reflected(met, look.mesh); });
   if (!light_.punctual.empty()) {
     sum += AlongLinks(leaf, look, IsPunctual);
   }
   return sum;
 }
 
-Rgb Gatherer::Reflected(const Met& met, int depth) const {
-  // A leaf's mean is what is seen of it from as far as it is wide.
-  constexpr double kFar = 0.5;
-  constexpr int kDeepest = 3;
-  const Patch& patch = hierarchy_.PatchOf(met.leaf);
-  if (depth == kDeepest || met.distance * met.distance > kFar * kFar * hierarchy_[met.leaf].area) {
-    const Rgb shooting = light_.IsShaped(met.leaf)
-                             ? Evaluate(light_.ShootingPolynomial(met.leaf), light_.basis.At(met.leaf, met.y))
-                             : light_.Shooting(met.leaf);
-    return (shooting - patch.emission).max(0.0);
+Rgb Gatherer::Reflected(const Met& met, const MeshLight* mesh) const {
+  const Patch& patch = hierarchy_.patches().patches[met.patch];
+  if (mesh != nullptr) {
+    return patch.reflectance * mesh->At(met.patch, met.y);
   }
-  Look look = LookFrom(met.y, met.leaf, met.key, 1.0 / options_.rays, true);
-  return patch.reflectance * ByRays(look, met.leaf, 1, depth + 1).irradiance.max(0.0);
+  const Index leaf = SolverLeafAt(hierarchy_, light_, met.patch, met.y);
+  const Rgb shooting = light_.IsShaped(leaf)
+                           ? Evaluate(light_.ShootingPolynomial(leaf), light_.basis.At(leaf, met.y))
+                           : light_.Shooting(leaf);
+  return (shooting - patch.emission).max(0.0);
 }
 
 Estimate Gatherer::Irradiance(Index leaf, Look look) const {
@@ -328,7 +321,7 @@ Estimate Gatherer::Irradiance(Index leaf, Look look) const {
     const double small =
         std::sqrt(hierarchy_.PatchOf(leaf).area / (options_.full_area * hierarchy_.patches().area));
     const double rays = kRaysAround * options_.rays * look.effort * std::clamp(small, kLeastShare, 1.0);
-    sum = ByRays(look, leaf, rays, 0);
+    sum = ByRays(look, leaf, rays);
   } else {
     sum = AlongLinks(leaf, look, [](Index) { return true; });
   }

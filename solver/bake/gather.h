@@ -12,6 +12,8 @@
 
 namespace radbake {
 
+class MeshLight;
+
 struct GatherOptions {
   int rays = 64;             ///< to a shooter that gives all of a point's light; others in proportion
   double uneven = 2e-2;      ///< share of a point's light that may lie elsewhere on a shooter
@@ -30,8 +32,8 @@ struct GatherOptions {
 /// radiosity and discontinuity meshing, SIGGRAPH 1993, section 5; Smits 1994 calls it local pass).
 ///
 /// By rays instead, the light of the patches that emit is gathered from each (Emitters), what surfaces
-/// reflect and the sky's by rays around the point (FromSurroundings), and only that of lights without area
-/// along their links. Thread-safe.
+/// reflect and the sky's by rays around the point (FromSurroundings), as the solution or a mesh that was
+/// gathered before says (MeshLight), and only that of lights without area along their links. Thread-safe.
 class Gatherer {
  public:
   Gatherer(const Hierarchy& hierarchy, const Light& light, const Links& links, const Visibility& visibility,
@@ -79,7 +81,9 @@ class Gatherer {
 
   /// The irradiance at `x` inside `leaf` = SolverLeaf(…, x). `x` must not lie on the leaf's outline.
   /// `key` seeds the shadow rays; `effort` times as many are cast as GatherOptions say.
-  Estimate Irradiance(const Vec3& x, Index leaf, std::uint64_t key, double effort = 1) const;
+  /// By rays, `mesh` says what surfaces reflect, if it is given, and otherwise the solution.
+  Estimate Irradiance(const Vec3& x, Index leaf, std::uint64_t key, double effort = 1,
+                      const MeshLight* mesh = nullptr) const;
 
  private:
   /// From one point along all links.
@@ -89,12 +93,14 @@ class Gatherer {
     double scale;  // luminous irradiance that is worth all of GatherOptions::rays
     double effort;
     bool at_shooter;  // of another look
+    const MeshLight* mesh;
     QuasiRandom<2> on_polygon;
     QuasiRandom<3> on_cluster;
     std::uint64_t key;
   };
 
-  Look LookFrom(const Vec3& x, Index leaf, std::uint64_t key, double effort, bool at_shooter) const;
+  Look LookFrom(const Vec3& x, Index leaf, std::uint64_t key, double effort, bool at_shooter,
+                const MeshLight* mesh) const;
   Estimate Irradiance(Index leaf, Look look) const;
 
   /// A shadow's edge shows in many small shooters at once: each gets a ray unless it hardly matters. Hundreds
@@ -112,10 +118,9 @@ class Gatherer {
   Estimate Seen(const Link& link, Index shooter, const Rgb& open, double chance, Look& look) const;
 
   /// By Emitters, FromSurroundings and what is left of the links.
-  Estimate ByRays(Look& look, Index leaf, double rays, int depth) const;
-  /// What a surface reflects there as radiosity: as the solution says, or where that is too coarse for so
-  /// near a view, as a ray or two say.
-  Rgb Reflected(const Met& met, int depth) const;
+  Estimate ByRays(Look& look, Index leaf, double rays) const;
+  /// What a surface reflects there as radiosity.
+  Rgb Reflected(const Met& met, const MeshLight* mesh) const;
 
   /// Along the links into the leaf, its ancestors and the clusters above that `take` says.
   template <typename Take>

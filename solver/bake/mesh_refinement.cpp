@@ -29,11 +29,13 @@ Deviation DeviationOf(const OutputMesh& mesh, Index e) {
   const Element& element = mesh.hierarchy()[e];
   const OutputMesh::Sample& centre = mesh.AtCentre(e);
   Deviation result;
+  Rgb squares = Rgb::Zero();
   double open = 0;
   for (int c = 0; c < element.CornerCount(); ++c) {
     const OutputMesh::Sample& corner = mesh.AtVertex(element.corner[static_cast<std::size_t>(c)]);
     if (!corner.sealed) {
       result.mean += corner.irradiance;
+      squares += corner.irradiance.square();
       result.noise += corner.variance;
       ++open;
     }
@@ -46,11 +48,9 @@ Deviation DeviationOf(const OutputMesh& mesh, Index e) {
   if (!centre.sealed) {
     result.squared = (centre.irradiance - result.mean).square().sum();
     result.noise += centre.variance;
-  } else if (element.parent != kNone && mesh.AtCentre(element.parent).gathered) {
-    constexpr double kFall = 0.25;
-    const Deviation above = DeviationOf(mesh, element.parent);
-    result.squared = kFall * above.squared;
-    result.noise = kFall * above.noise;
+  } else {
+    result.squared = 0.25 * (squares / open - result.mean.square()).max(0.0).sum();
+    result.noise *= 0.25;
   }
   return result;
 }
@@ -134,15 +134,10 @@ void DivideUnseen(OutputMesh& mesh, double area, double near_area) {
   }
 }
 
-/// Casts as many more rays as their noise asks for, if `worth` times as many or more. Says whether it did.
-bool SpendAsNeeded(OutputMesh& mesh, double noise, double asked, double worth) {
+/// As many times the rays, within reason, as this noise asks for.
+double MoreRays(const OutputMesh& mesh, double noise, double asked) {
   constexpr double kMost = 64;
-  const double effort = std::min(std::pow(noise / asked, 2), kMost / mesh.effort());
-  if (effort < worth) {
-    return false;
-  }
-  mesh.GatherAnew(effort);
-  return true;
+  return std::min(std::pow(noise / asked, 2), kMost / mesh.effort());
 }
 
 MeshSummary DivideWhereItMatters(OutputMesh& mesh, const MeshOptions& options) {
@@ -155,6 +150,16 @@ MeshSummary DivideWhereItMatters(OutputMesh& mesh, const MeshOptions& options) {
     summary.end = end;
     return summary;
   };
+  // By rays, what the mesh finds is finer than the solution, and becomes the light of the next round: an
+  // error of the solution's is reflected once more each time. Many vertices' rays come together in each of
+  // that, so a few do until the last.
+  const bool by_rays = mesh.gatherer().IsByRays();
+  constexpr int kOwnLight = 2;
+  constexpr double kFewRays = 0.25;
+  int own_light = 0;
+  if (by_rays) {
+    mesh.GatherAnew(kFewRays);
+  }
   // The input's own vertices are the least that there is to give.
   if (!mesh.Gather(stop)) {
     mesh.Gather({}, OutputMesh::Source::kSolution);
@@ -175,19 +180,28 @@ MeshSummary DivideWhereItMatters(OutputMesh& mesh, const MeshOptions& options) {
     const MeshError error = ErrorOf(mesh);
     summary.error = error.interpolation;
     summary.noise = error.noise;
+    const double more = MoreRays(mesh, error.noise, options.noise);
     if (unseen > options.start_area) {
       constexpr double kWorth = 1.1;
-      SpendAsNeeded(mesh, error.noise, options.noise, kWorth);
+      if (more > kWorth && !by_rays) {
+        mesh.GatherAnew(more);
+      }
       unseen = std::max(unseen / kUnseenFall, options.start_area);
       DivideUnseen(mesh, unseen * area, (unseen > options.start_area ? unseen : options.near_area) * area);
       continue;
     }
+    if (by_rays && own_light < kOwnLight) {
+      mesh.TakeOwnLight();
+      mesh.GatherAnew(++own_light < kOwnLight ? 1 : more);
+      continue;
+    }
     if (error.interpolation <= options.error) {
       constexpr double kLittle = 1.02;
-      if (SpendAsNeeded(mesh, error.noise, options.noise, kLittle)) {
+      if (more > kLittle) {
+        mesh.GatherAnew(more);
         continue;
       }
-      return ended(std::pow(error.noise / options.noise, 2) < kLittle ? MeshEnd::kError : MeshEnd::kLimit);
+      return ended(error.noise < kLittle * options.noise ? MeshEnd::kError : MeshEnd::kLimit);
     }
     if (mesh.vertex_count() >= options.max_vertices) {
       return ended(MeshEnd::kLimit);

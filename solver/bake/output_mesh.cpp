@@ -121,7 +121,8 @@ void OutputMesh::Tell() const {
   constexpr std::size_t kEmitted = 2 * (sizeof(BakedVertex) + 2 * sizeof(Triangle)) + 6 * sizeof(void*);
   if (hold_) {
     hold_(hierarchy_.Bytes() + BytesOf(at_vertex_) + BytesOf(at_centre_) + BytesOf(finished_at_vertex_) +
-          BytesOf(finished_at_centre_) + cut_.size() * (2 * kLoop + kMeetings + kPlace + kEmitted));
+          BytesOf(finished_at_centre_) + (light_ ? light_->Bytes() : 0) +
+          cut_.size() * (2 * kLoop + kMeetings + kPlace + kEmitted));
   }
 }
 
@@ -168,6 +169,21 @@ void OutputMesh::GatherAnew(double factor) {
   finished_at_centre_ = std::exchange(at_centre_, {});
   GrowWithHierarchy();
   gathered_ = 0;
+}
+
+void OutputMesh::TakeOwnLight() {
+  const Rgb unseen = Rgb::Constant(std::numeric_limits<double>::quiet_NaN());
+  std::vector<Rgb> at_vertex;
+  at_vertex.reserve(at_vertex_.size());
+  for (const Sample& sample : at_vertex_) {
+    at_vertex.push_back(sample.sealed ? unseen : sample.irradiance);
+  }
+  std::vector<Rgb> at_centre;
+  at_centre.reserve(cut_.size());
+  for (const Index e : cut_) {
+    at_centre.push_back(at_centre_[e].sealed ? unseen : at_centre_[e].irradiance);
+  }
+  light_.emplace(hierarchy_, cut_, std::move(at_vertex), std::move(at_centre));
 }
 
 void OutputMesh::WalkEdge(Index from, Index to, Loop& loop) {
@@ -285,7 +301,7 @@ bool OutputMesh::GatherCentres(const std::function<bool()>& stop, Source source)
 }
 
 Estimate OutputMesh::At(const Vec3& x, Index leaf, std::uint64_t key, Source source, double effort) const {
-  return source == Source::kRays ? gatherer_.Irradiance(x, leaf, key, effort)
+  return source == Source::kRays ? gatherer_.Irradiance(x, leaf, key, effort, light_ ? &*light_ : nullptr)
                                  : Estimate{gatherer_.Solved(leaf, x)};
 }
 

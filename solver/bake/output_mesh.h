@@ -2,10 +2,12 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "solver/bake/baked_scene.h"
 #include "solver/bake/gather.h"
+#include "solver/bake/mesh_light.h"
 
 namespace radbake {
 
@@ -49,6 +51,10 @@ class OutputMesh {
   /// next Gather is finished.
   void GatherAnew(double factor);
 
+  /// From now on, what surfaces reflect is gathered as this mesh says, and no more as the solution does:
+  /// wherever it is divided, that is finer. Of use by rays.
+  void TakeOwnLight();
+
   /// Gives what is sealed the irradiance that is said above. Once, at the end.
   void CoverSealed();
 
@@ -86,6 +92,7 @@ class OutputMesh {
   std::vector<bool> used_;  // by position: a corner of some element of the cut
   std::vector<Sample> at_vertex_;
   std::vector<Sample> at_centre_;  // by element
+  std::optional<MeshLight> light_;
   std::size_t gathered_ = 0;
   double effort_ = 1;
 };

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "solver/transport/sampling.h"
 
@@ -11,8 +13,8 @@ namespace radbake {
 namespace {
 
 /// Nothing, if it is the sky.
-std::optional<Met> Meet(const Hierarchy& hierarchy, const Light& light, const Visibility& visibility,
-                        const Vec3& x, const Vec3& direction) {
+std::optional<Met> Meet(const Hierarchy& hierarchy, const Visibility& visibility, const Vec3& x,
+                        const Vec3& direction) {
   const auto hit = visibility.caster().Closest(x, direction);
   if (!hit) {
     return std::nullopt;
@@ -26,7 +28,24 @@ std::optional<Met> Meet(const Hierarchy& hierarchy, const Light& light, const Vi
   if (visibility.overlaps().AnyOver(patch)) {
     patch = visibility.overlaps().At(patch, y);
   }
-  return Met{.y = y, .leaf = SolverLeafAt(hierarchy, light, patch, y), .distance = hit->distance};
+  return Met{.y = y, .patch = patch};
+}
+
+/// Sum of the variances of what is found in the strata of a ring, from how each differs from its neighbours
+/// on both sides: what the light changes by around the ring is no variance of a stratum's.
+double Roughness(std::span<const Rgb> ring) {
+  const std::size_t count = ring.size();
+  double squares = 0;
+  if (count < 3) {
+    for (const Rgb& found : ring) {
+      squares += (found - ring[0]).square().sum();
+    }
+    return squares;
+  }
+  for (std::size_t j = 0; j < count; ++j) {
+    squares += (ring[(j + count - 1) % count] - 2 * ring[j] + ring[(j + 1) % count]).square().sum() / 6;
+  }
+  return squares;
 }
 
 }  // namespace
@@ -40,25 +59,30 @@ double DepthInside(const Polygon& polygon, const Vec3& x) {
   return depth;
 }
 
+Index ChildAt(const Hierarchy& hierarchy, Index element, const Vec3& x) {
+  const Index first = hierarchy[element].first_child;
+  Index found = first;
+  double deepest = -std::numeric_limits<double>::infinity();
+  for (Index child = first; child < first + 4; ++child) {
+    const double depth = DepthInside(hierarchy.Shape(child), x);
+    if (depth > deepest) {
+      deepest = depth;
+      found = child;
+    }
+  }
+  return found;
+}
+
 Index SolverLeafAt(const Hierarchy& hierarchy, const Light& light, Index element, const Vec3& x) {
   const auto solved = static_cast<Index>(light.irradiance.size());
   while (hierarchy[element].first_child < solved) {
-    const Index first = hierarchy[element].first_child;
-    double deepest = -std::numeric_limits<double>::infinity();
-    for (Index child = first; child < first + 4; ++child) {
-      const double depth = DepthInside(hierarchy.Shape(child), x);
-      if (depth > deepest) {
-        deepest = depth;
-        element = child;
-      }
-    }
+    element = ChildAt(hierarchy, element, x);
   }
   return element;
 }
 
-Estimate FromSurroundings(const Hierarchy& hierarchy, const Light& light, const Visibility& visibility,
-                          const Vec3& x, const Vec3& n, double rays, std::uint64_t key,
-                          const ReflectedThere& reflected) {
+Estimate FromSurroundings(const Hierarchy& hierarchy, const Visibility& visibility, const Vec3& x,
+                          const Vec3& n, double rays, std::uint64_t key, const ReflectedThere& reflected) {
   // Strata about as wide as long.
   const bool is_sky = hierarchy.surface_root_count() < hierarchy.root_count();
   const Rgb sky =
@@ -68,34 +92,24 @@ Estimate FromSurroundings(const Hierarchy& hierarchy, const Light& light, const 
   Rgb sum = Rgb::Zero();
   double squares = 0;
   RayBatch batch(visibility);
+  std::vector<Rgb> ring(static_cast<std::size_t>(around));
   for (int i = 0; i < rings; ++i) {
-    Rgb first = Rgb::Zero();
-    Rgb last = Rgb::Zero();
     for (int j = 0; j < around; ++j) {
       key = Hash(key);
       const double u = (i + static_cast<double>(key >> 32U) * 0x1p-32) / rings;
       const double v = (j + static_cast<double>(key & 0xFFFF'FFFFU) * 0x1p-32) / around;
       ++batch.rays;
-      auto met = Meet(hierarchy, light, visibility, x, CosineDirection(n, u, v));
-      Rgb found = sky;
-      if (met && met->leaf == kNone) {
-        found = Rgb::Zero();
-      } else if (met) {
-        met->key = Hash(~key);
-        found = reflected(*met);
+      Rgb& found = ring[static_cast<std::size_t>(j)];
+      found = sky;
+      if (const auto met = Meet(hierarchy, visibility, x, CosineDirection(n, u, v))) {
+        found = met->patch == kNone ? Rgb::Zero() : reflected(*met);
       }
       sum += found;
-      if (j == 0) {
-        first = found;
-      } else {
-        squares += (found - last).square().sum();
-      }
-      last = found;
     }
-    squares += (first - last).square().sum();
+    squares += Roughness(ring);
   }
   const double count = rings * around;
-  return {sum / count, 0.5 * squares / (count * count)};
+  return {sum / count, squares / (count * count)};
 }
 
 }  // namespace radbake

@@ -12,9 +12,7 @@ namespace radbake {
 /// What a ray met.
 struct Met {
   Vec3 y = Vec3::Zero();
-  Index leaf = kNone;  ///< SolverLeafAt there
-  double distance = 0;
-  std::uint64_t key = 0;  ///< of its own
+  Index patch = kNone;  ///< kNone: a side that gives no light
 };
 using ReflectedThere = std::function<Rgb(const Met&)>;
 
@@ -22,12 +20,14 @@ using ReflectedThere = std::function<Rgb(const Met&)>;
 /// cosine-weighted directions meet them, and from the sky where they meet nothing. Costs the same however
 /// many patches are around. `rays`: about so many, in strata of the hemisphere; the variance is what
 /// neighbours in a ring of strata differ by.
-Estimate FromSurroundings(const Hierarchy& hierarchy, const Light& light, const Visibility& visibility,
-                          const Vec3& x, const Vec3& n, double rays, std::uint64_t key,
-                          const ReflectedThere& reflected);
+Estimate FromSurroundings(const Hierarchy& hierarchy, const Visibility& visibility, const Vec3& x,
+                          const Vec3& n, double rays, std::uint64_t key, const ReflectedThere& reflected);
 
 /// Signed distance from `x` to the nearest edge line of a convex polygon; positive inside.
 double DepthInside(const Polygon& polygon, const Vec3& x);
+
+/// The child of `element` that holds `x`, or is nearest.
+Index ChildAt(const Hierarchy& hierarchy, Index element, const Vec3& x);
 
 /// The youngest descendant of `element` (or itself) that `light` knows, at `x`.
 Index SolverLeafAt(const Hierarchy& hierarchy, const Light& light, Index element, const Vec3& x);

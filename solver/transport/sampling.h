@@ -1,6 +1,7 @@
 /// Low-discrepancy sampling, keyed by what is sampled: the same numbers on any number of threads.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -57,6 +58,13 @@ class QuasiRandom {
 
   std::array<double, D> at_;
 };
+
+/// The variance of the share of `n` points of QuasiRandom that lie on one side of edges, at most, in that of
+/// a single point: n⁻¹ where edges are denser than the points, n⁻¹·⁵ where they are not.
+inline double VarianceOfHits(int n) {
+  constexpr double kEdges = 3;
+  return std::min(1.0, kEdges / std::sqrt(n)) / n;
+}
 
 /// A unit vector around `axis` at an angle of this cosine, turned by the share `v` of a full circle.
 Vec3 Around(const Vec3& axis, double cosine, double v);
