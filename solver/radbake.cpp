@@ -99,7 +99,8 @@ constexpr double kLeftByOwnLight = 0.4;
 
 MeshOptions MeshOptionsOf(const Parameters& parameters, bool by_rays) {
   MeshOptions options;
-  options.error = (by_rays ? 0.4 : 0.5) * parameters.error;
+  // Stairs along hard shadows show before they count.
+  options.error = (by_rays ? 0.4 : 0.25) * parameters.error;
   // What is left of the rays' noise when it has been smoothed is less.
   options.noise = (by_rays ? 0.9 : 0.65) * parameters.error;
   options.start_area = std::clamp(0.05 * parameters.error, 1e-5, 1e-2);

@@ -49,8 +49,7 @@ Deviation DeviationOf(const OutputMesh& mesh, Index e) {
     result.squared = (centre.irradiance - result.mean).square().sum();
     result.noise += centre.variance;
   } else {
-    result.squared = 0.25 * (squares / open - result.mean.square()).max(0.0).sum();
-    result.noise *= 0.25;
+    result.squared = (squares / open - result.mean.square()).max(0.0).sum();
   }
   return result;
 }
