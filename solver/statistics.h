@@ -16,6 +16,8 @@
 
 namespace radbake {
 
+/// kError: the estimated error is at most the target. kLimit: it is above, for want of memory, of vertices or
+/// of rays.
 enum class StoppedBy { kError, kTimeBudget, kLimit };
 
 struct Statistics {

@@ -6,6 +6,8 @@
 #include <optional>
 #include <unordered_map>
 
+#include "solver/bake/element_centre.h"
+
 namespace radbake {
 namespace {
 
@@ -176,7 +178,7 @@ BakedScene Emit(const Hierarchy& hierarchy, const OutputMesh& mesh, std::size_t 
       builder->Add(hierarchy, e, mesh.loops()[loop_of[e]], corners);
       return;
     }
-    const auto children = CornersOfChildren(hierarchy.DivisionOf(e), corners, Midway, Weights{});
+    const auto children = CornersOfChildren(element.division, corners, Midway, Weights{});
     for (Index k = 0; k < 4; ++k) {
       self(self, element.first_child + k, children[k]);
     }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "solver/bake/element_centre.h"
 #include "solver/bake/mesh_light.h"
 #include "solver/bake/surroundings.h"
 #include "solver/transport/coupling.h"
@@ -203,7 +204,6 @@ Estimate Gatherer::ShootingNear(Index shooter, const Rgb& otherwise, Look& look)
   constexpr int kDirections = 64;
   constexpr int kPoints = 2;
   constexpr double kEffort = 0.1;
-  constexpr double kHair = 1e-4;  // from an edge rays may miss the surface beyond it
   const Polygon shape = hierarchy_.Shape(shooter);
   look.key = Hash(look.key);
   QuasiRandom<2> random(look.key);
@@ -217,12 +217,12 @@ Estimate Gatherer::ShootingNear(Index shooter, const Rgb& otherwise, Look& look)
     if (towards >= 0) {
       continue;
     }
-    Vec3 y = look.x + (shape[0] - look.x).dot(shape.normal) / towards * direction;
-    if (DepthInside(shape, y) <= 0) {
+    const Vec3 on_plane = look.x + (shape[0] - look.x).dot(shape.normal) / towards * direction;
+    if (DepthInside(shape, on_plane) <= 0) {
       continue;
     }
-    const Index leaf = SolverLeaf(shooter, y);
-    y += kHair * (hierarchy_.Centre(leaf) - y);
+    const Index leaf = SolverLeaf(shooter, on_plane);
+    const Vec3 y = InsideNear(hierarchy_, leaf, on_plane);
     if (IsSealed(y, leaf)) {
       continue;
     }

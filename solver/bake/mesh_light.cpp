@@ -1,9 +1,9 @@
 #include "solver/bake/mesh_light.h"
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
+#include "solver/bake/element_centre.h"
 #include "solver/bake/surroundings.h"
 
 namespace radbake {
@@ -38,7 +38,7 @@ MeshLight::MeshLight(const Hierarchy& hierarchy, std::span<const Index> cut, std
 Index MeshLight::ElementAt(Index patch, const Vec3& y) const {
   Index element = patch;
   while (in_cut_[element] == kNone) {
-    element = ChildAt(hierarchy_, element, y);
+    element = hierarchy_.ChildAt(element, y);
   }
   return element;
 }
@@ -46,23 +46,27 @@ Index MeshLight::ElementAt(Index patch, const Vec3& y) const {
 Rgb MeshLight::At(Index patch, const Vec3& y) const {
   const Index element = ElementAt(patch, y);
   const Polygon shape = hierarchy_.Shape(element);
-  const Vec3 centre = shape.Centroid();
-  // The triangle of the fan that holds the point, or is nearest.
-  std::array<double, 3> weight{};
-  int found = 0;
-  double deepest = -std::numeric_limits<double>::infinity();
+  const Vec3 centre = ElementCentre(hierarchy_, element);
+  // The triangle of the fan that holds the point: that to the left of its first edge from the centre and to
+  // the right of its second.
+  std::array<double, 4> left{};
   for (int k = 0; k < shape.count; ++k) {
-    const Vec3& a = shape[k];
-    const Vec3& b = shape[(k + 1) % shape.count];
-    const double whole = shape.normal.dot((a - centre).cross(b - centre));
-    const double of_a = shape.normal.dot((y - centre).cross(b - centre)) / whole;
-    const double of_b = shape.normal.dot((a - centre).cross(y - centre)) / whole;
-    const double depth = std::min({of_a, of_b, 1 - of_a - of_b});
-    if (depth > deepest) {
-      deepest = depth;
+    left[static_cast<std::size_t>(k)] = shape.normal.dot((shape[k] - centre).cross(y - centre));
+  }
+  std::array<double, 3> weight = {1, 0, 0};
+  int found = 0;
+  for (int k = 0; k < shape.count; ++k) {
+    const int next = (k + 1) % shape.count;
+    const double of_next = left[static_cast<std::size_t>(k)];
+    const double of_this = -left[static_cast<std::size_t>(next)];
+    if (of_next >= 0 && of_this >= 0) {
+      const double whole = shape.normal.dot((shape[k] - centre).cross(shape[next] - centre));
+      const double within = std::max(whole, of_next + of_this);
       found = k;
-      weight = {std::clamp(1 - of_a - of_b, 0.0, 1.0), std::clamp(of_a, 0.0, 1.0),
-                std::clamp(of_b, 0.0, 1.0)};
+      if (within > 0) {
+        weight = {1 - (of_next + of_this) / within, of_this / within, of_next / within};
+      }
+      break;
     }
   }
   const auto& corner = hierarchy_[element].corner;

@@ -10,6 +10,7 @@
 #include <numeric>
 #include <utility>
 
+#include "solver/bake/element_centre.h"
 #include "solver/transport/sampling.h"
 
 namespace radbake {
@@ -69,22 +70,6 @@ struct Meeting {
 
 }  // namespace
 
-Vec3 ElementCentre(const Hierarchy& hierarchy, Index element) {
-  const Polygon shape = hierarchy.Shape(element);
-  const std::array<float, 4> weight = CentreWeights(hierarchy[element]);
-  Vec3 centre = Vec3::Zero();
-  for (int k = 0; k < shape.count; ++k) {
-    centre += static_cast<double>(weight[static_cast<std::size_t>(k)]) * shape[k];
-  }
-  return centre;
-}
-
-Vec3 InsideNear(const Hierarchy& hierarchy, Index element, const Vec3& x) {
-  constexpr double kHair = 1e-4;
-  const Polygon shape = hierarchy.Shape(element);
-  return x + kHair * (0.5 * ElementCentre(hierarchy, element) + 0.3 * shape[0] + 0.2 * shape[1] - x);
-}
-
 OutputMesh::OutputMesh(Hierarchy& hierarchy, const Gatherer& gatherer, const Links& links, Hold hold)
     : hierarchy_(hierarchy),
       gatherer_(gatherer),
@@ -134,7 +119,7 @@ void OutputMesh::Divide(std::size_t k) {
   const Index element = cut_[k];
   const Index first = hierarchy_.Divide(element);
   GrowWithHierarchy();
-  if (hierarchy_.DivisionOf(element) == Division::kSquare && at_centre_[element].gathered) {
+  if (hierarchy_[element].division == Division::kSquare && at_centre_[element].gathered) {
     at_vertex_[hierarchy_[first].corner[2]] = at_centre_[element];
     ++gathered_;
   }

@@ -97,18 +97,4 @@ class OutputMesh {
   double effort_ = 1;
 };
 
-/// Weights of an element's corners at its centre: dyadic, so that they sum to exactly 1 in float too.
-inline std::array<float, 4> CentreWeights(const Element& element) {
-  constexpr float kUnit = 1.0F / 1024;
-  return element.CornerCount() == 4 ? std::array{0.25F, 0.25F, 0.25F, 0.25F}
-                                    : std::array{341 * kUnit, 341 * kUnit, 342 * kUnit, 0.0F};
-}
-
-/// The place that they give.
-Vec3 ElementCentre(const Hierarchy& hierarchy, Index element);
-
-/// A hair from a vertex or the centre of an element, inside it: at a shared edge form factors have a limit
-/// from each side, and the centre may lie on an edge of a younger element of the solver's.
-Vec3 InsideNear(const Hierarchy& hierarchy, Index element, const Vec3& x);
-
 }  // namespace radbake

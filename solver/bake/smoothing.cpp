@@ -12,6 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "solver/bake/element_centre.h"
+
 namespace radbake {
 namespace {
 

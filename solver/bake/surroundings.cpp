@@ -59,24 +59,10 @@ double DepthInside(const Polygon& polygon, const Vec3& x) {
   return depth;
 }
 
-Index ChildAt(const Hierarchy& hierarchy, Index element, const Vec3& x) {
-  const Index first = hierarchy[element].first_child;
-  Index found = first;
-  double deepest = -std::numeric_limits<double>::infinity();
-  for (Index child = first; child < first + 4; ++child) {
-    const double depth = DepthInside(hierarchy.Shape(child), x);
-    if (depth > deepest) {
-      deepest = depth;
-      found = child;
-    }
-  }
-  return found;
-}
-
 Index SolverLeafAt(const Hierarchy& hierarchy, const Light& light, Index element, const Vec3& x) {
   const auto solved = static_cast<Index>(light.irradiance.size());
   while (hierarchy[element].first_child < solved) {
-    element = ChildAt(hierarchy, element, x);
+    element = hierarchy.ChildAt(element, x);
   }
   return element;
 }

@@ -18,16 +18,13 @@ using ReflectedThere = std::function<Rgb(const Met&)>;
 
 /// The irradiance at `x` with unit normal `n` from what surfaces reflect, as radiosity, where rays with
 /// cosine-weighted directions meet them, and from the sky where they meet nothing. Costs the same however
-/// many patches are around. `rays`: about so many, in strata of the hemisphere; the variance is what
-/// neighbours in a ring of strata differ by.
+/// many patches are around. `rays`: about so many, in strata of the hemisphere; the variance is from
+/// what each stratum differs by from its neighbours on both sides.
 Estimate FromSurroundings(const Hierarchy& hierarchy, const Visibility& visibility, const Vec3& x,
                           const Vec3& n, double rays, std::uint64_t key, const ReflectedThere& reflected);
 
 /// Signed distance from `x` to the nearest edge line of a convex polygon; positive inside.
 double DepthInside(const Polygon& polygon, const Vec3& x);
-
-/// The child of `element` that holds `x`, or is nearest.
-Index ChildAt(const Hierarchy& hierarchy, Index element, const Vec3& x);
 
 /// The youngest descendant of `element` (or itself) that `light` knows, at `x`.
 Index SolverLeafAt(const Hierarchy& hierarchy, const Light& light, Index element, const Vec3& x);

@@ -2,10 +2,14 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "solver/scene/types.h"
 
 namespace radbake {
 
-enum class Division {
+enum class Division : std::uint8_t {
   kTriangle,  ///< at the edges' midpoints into three corner children (child k holds corner k) and the middle
               ///< one
   kSquare,    ///< bilinearly, child k holding corner k
@@ -49,5 +53,9 @@ std::array<std::array<Corner, 4>, 4> CornersOfChildren(Division division, const 
   }
   return children;
 }
+
+/// Which of the four holds `x`, from the corners of the parent and the unit normal of its side; near its
+/// outline `x` may be outside.
+Index ChildAt(Division division, const std::array<Vec3, 4>& corner, const Vec3& normal, const Vec3& x);
 
 }  // namespace radbake

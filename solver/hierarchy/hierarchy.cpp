@@ -171,14 +171,13 @@ Index Hierarchy::AddChild(Index parent, const std::array<Index, 4>& corner) {
   child.corner = corner;
   child.patch = elements_[parent].patch;
   child.parent = parent;
-  child.level = elements_[parent].level + 1;
   elements_.push_back(child);
   const auto index = static_cast<Index>(elements_.size() - 1);
   elements_[index].area = radbake::Area(Shape(index));
   return index;
 }
 
-Division Hierarchy::DivisionOf(Index element) const {
+Division Hierarchy::HowToDivide(Index element) const {
   if (elements_[element].CornerCount() == 3) {
     return Division::kTriangle;
   }
@@ -198,14 +197,24 @@ Index Hierarchy::Divide(Index element) {
     return elements_[element].first_child;
   }
   const auto first = static_cast<Index>(elements_.size());
+  const Division division = HowToDivide(element);
   const auto children = CornersOfChildren(
-      DivisionOf(element), elements_[element].corner, [this](Index a, Index b) { return MidVertex(a, b); },
-      kNone);
+      division, elements_[element].corner, [this](Index a, Index b) { return MidVertex(a, b); }, kNone);
   for (const std::array<Index, 4>& corner : children) {
     AddChild(element, corner);
   }
   elements_[element].first_child = first;
+  elements_[element].division = division;
   return first;
+}
+
+Index Hierarchy::ChildAt(Index element, const Vec3& x) const {
+  const Element& e = elements_[element];
+  std::array<Vec3, 4> corner;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(e.CornerCount()); ++k) {
+    corner[k] = Point(e.corner[k]);
+  }
+  return e.first_child + radbake::ChildAt(e.division, corner, PatchOf(element).normal, x);
 }
 
 }  // namespace radbake

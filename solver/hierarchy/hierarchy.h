@@ -18,9 +18,9 @@ struct Element {
   std::array<Index, 4> corner{kNone, kNone, kNone, kNone};  ///< vertices; corner[3] is kNone for a triangle
   Index patch = 0;
   Index parent = kNone;
-  Index first_child = kNone;  ///< four in a row, or kNone: a leaf
-  std::uint32_t level = 0;
-  double area = 0;  ///< normalised
+  Index first_child = kNone;                ///< four in a row, or kNone: a leaf
+  Division division = Division::kTriangle;  ///< unless it is a leaf
+  double area = 0;                          ///< normalised
 
   int CornerCount() const { return corner[3] == kNone ? 3 : 4; }
   bool IsLeaf() const { return first_child == kNone; }
@@ -54,10 +54,11 @@ class Hierarchy {
   Vec3 Centre(Index node) const;
   double Radius(Index node) const;
 
-  /// How an element divides, or has: long quadrilaterals into shorter ones.
-  Division DivisionOf(Index element) const;
-  /// Divides a leaf into its four children and returns the first. No effect on one that is divided already.
+  /// Divides a leaf into its four children, long quadrilaterals into shorter ones, and returns the first. No
+  /// effect on one that is divided already.
   Index Divide(Index element);
+  /// The child of an element that is divided that holds `x`, or is near.
+  Index ChildAt(Index element, const Vec3& x) const;
 
   std::size_t vertex_count() const { return position_of_.size(); }
   const Vec3& Point(Index vertex) const { return positions_[position_of_[vertex]]; }
@@ -72,6 +73,7 @@ class Hierarchy {
   std::size_t Bytes() const;
 
  private:
+  Division HowToDivide(Index element) const;
   Index AddPosition(const Vec3& point);
   Index AddVertex(Index position);
   void WeldCorners();

@@ -133,7 +133,7 @@ void Linker::MeasureElements(Link& link) const {
   const SeenPolygon seen(hierarchy_.Shape(link.shooter));
   const Polygon& shooter = seen.shape();
   // What is below two patches that face one another need not be asked again.
-  const bool roots = hierarchy_[link.receiver].level == 0 || hierarchy_[link.shooter].level == 0;
+  const bool roots = hierarchy_[link.receiver].parent == kNone || hierarchy_[link.shooter].parent == kNone;
   link.form_factor = link.judged_factor = 0;
   link.variation = 0;
   link.carried = true;

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "solver/bake/gather.h"
+#include "solver/transport/sampling.h"
 #include "tests/solve/solved_scene_test.h"
 #include "tests/test_scenes.h"
 
@@ -41,6 +42,36 @@ TEST(RayGather, OfAFurnaceIsItsIrradianceUpToTheCorners) {
       EXPECT_NEAR(estimate.irradiance[0] / expected, 1, 0.01);
       EXPECT_LT(std::sqrt(estimate.variance) / expected, 0.02);
     }
+  }
+}
+
+TEST(RayGather, SaysByHowMuchItsAnswersDiffer) {
+  SolvedScene solved(testing::ShadowRoom(), Coarse());
+  GatherOptions options;
+  options.by_rays = true;
+  options.full_area = 1e-6;
+  for (const int rays : {16, 64, 256}) {
+    options.rays = rays;
+    const Gatherer gatherer(solved.hierarchy, solved.solution.light, solved.solution.links, solved.visibility,
+                            options);
+    double said = 0;
+    double measured = 0;
+    for (Index patch = 0; patch < solved.hierarchy.surface_root_count(); ++patch) {
+      const Vec3 x = solved.hierarchy.Centre(patch) + Vec3::Constant(1e-9);
+      constexpr int kTimes = 64;
+      Rgb sum = Rgb::Zero();
+      Rgb squares = Rgb::Zero();
+      for (int k = 0; k < kTimes; ++k) {
+        const Estimate estimate =
+            gatherer.Irradiance(x, gatherer.SolverLeaf(patch, x), Hash(1000 * patch + static_cast<Index>(k)));
+        sum += estimate.irradiance / kTimes;
+        squares += estimate.irradiance.square() / kTimes;
+        said += estimate.variance / kTimes;
+      }
+      measured += (squares - sum.square()).sum() * kTimes / (kTimes - 1);
+    }
+    EXPECT_GT(said, 0.8 * measured) << rays;
+    EXPECT_LT(said, 1.6 * measured) << rays;
   }
 }
 

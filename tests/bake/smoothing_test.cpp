@@ -8,6 +8,7 @@
 #include <random>
 #include <set>
 
+#include "solver/bake/element_centre.h"
 #include "tests/solve/solved_scene_test.h"
 #include "tests/test_scenes.h"
 

@@ -1,7 +1,9 @@
 #include "solver/hierarchy/hierarchy.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "solver/transport/sampling.h"
 #include "tests/test_scenes.h"
 
 namespace radbake {
@@ -24,6 +26,34 @@ TEST(Hierarchy, ChildrenCoverTheirParent) {
       EXPECT_NEAR(sum, hierarchy[e].area, 1e-12);
     }
   }
+}
+
+TEST(Hierarchy, FindsTheChildThatHoldsAPoint) {
+  Scene scene = testing::FurnaceSphere(0.5, 0);
+  const Index grey = testing::AddMaterial(scene, 0.5, 0);
+  for (const Vec3& shape : {Vec3(1, 1, 0), Vec3(5, 1, 0), Vec3(1, 5, 0), Vec3(1, 1, 0.4), Vec3(5, 1, 0.3)}) {
+    const double slant = shape[2];
+    testing::AddQuad(scene, grey, Vec3(3, 0, 0), Vec3(3 + shape[0], 0, slant),
+                     Vec3(3 + (1 - slant) * shape[0], (1 + slant) * shape[1], slant * (1 - slant)),
+                     Vec3(3, shape[1], 0));
+  }
+  const Patches patches = CutIntoPatches(scene);
+  Hierarchy hierarchy(patches);
+  std::array<int, 4> seen{};
+  for (Index e = 0; e < 400; ++e) {
+    const Index first = hierarchy.Divide(e);
+    ++seen[static_cast<std::size_t>(hierarchy[e].division)];
+    for (Index child = first; child < first + 4; ++child) {
+      QuasiRandom<2> random(child);
+      for (int k = 0; k < 16; ++k) {
+        const auto u = random.Next();
+        const Polygon shape = hierarchy.Shape(child);
+        const Vec3 x = PointOn(shape, u[0], u[1]);
+        EXPECT_EQ(hierarchy.ChildAt(e, x + 1e-9 * (shape.Centroid() - x)), child) << "of element " << e;
+      }
+    }
+  }
+  EXPECT_THAT(seen, ::testing::Each(::testing::Gt(0)));
 }
 
 TEST(Hierarchy, CornerKOfAnElementIsCornerKOfItsChildK) {

@@ -122,7 +122,7 @@ TEST(AdaptiveRefinement, AddsLinksOnlyWhereThereIsEnergy) {
     std::size_t dark_links = 0;
     for (const Link& link : solved.solution.links.all()) {
       if (solved.hierarchy.PatchOf(link.receiver).surface >= lit) {
-        EXPECT_EQ(solved.hierarchy[link.receiver].level, 0U) << "w_min " << w_min;
+        EXPECT_EQ(solved.hierarchy[link.receiver].parent, kNone) << "w_min " << w_min;
         ++dark_links;
       }
     }
