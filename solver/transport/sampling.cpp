@@ -11,25 +11,26 @@ Vec3 Around(const Vec3& axis, double cosine, double v) {
   return sine * (std::cos(angle) * tangent + std::sin(angle) * axis.cross(tangent)) + cosine * axis;
 }
 
-Vec3 PointOn(const Polygon& polygon, double u, double v) {
-  // The triangle of the fan that holds the share u of the area, and u stretched over it.
-  std::array<double, 5> area{};
-  double total = 0;
-  const int triangles = polygon.count - 2;
-  for (int k = 0; k < triangles; ++k) {
+PointsOn::PointsOn(const Polygon& polygon) : polygon_(polygon) {
+  for (int k = 0; k + 2 < polygon.count; ++k) {
     const Vec3 a = polygon[k + 1] - polygon[0];
     const Vec3 b = polygon[k + 2] - polygon[0];
-    area[static_cast<std::size_t>(k)] = a.cross(b).norm();
-    total += area[static_cast<std::size_t>(k)];
+    const double area = std::abs(polygon.normal.dot(a.cross(b)));
+    area_[static_cast<std::size_t>(k)] = area;
+    total_ += area;
   }
-  double share = u * total;
+}
+
+Vec3 PointsOn::operator()(double u, double v) const {
+  // The triangle of the fan that holds the share u of the area, and u stretched over it.
+  double share = u * total_;
   int chosen = 0;
-  while (chosen + 1 < triangles && share >= area[static_cast<std::size_t>(chosen)]) {
-    share -= area[static_cast<std::size_t>(chosen++)];
+  while (chosen + 3 < polygon_.count && share >= area_[static_cast<std::size_t>(chosen)]) {
+    share -= area_[static_cast<std::size_t>(chosen++)];
   }
-  const double size = area[static_cast<std::size_t>(chosen)];
+  const double size = area_[static_cast<std::size_t>(chosen)];
   const double s = std::sqrt(size > 0 ? std::min(1.0, share / size) : 0.0);
-  return polygon[0] * (1 - s) + polygon[chosen + 1] * (s * (1 - v)) + polygon[chosen + 2] * (s * v);
+  return polygon_[0] * (1 - s) + polygon_[chosen + 1] * (s * (1 - v)) + polygon_[chosen + 2] * (s * v);
 }
 
 }  // namespace radbake

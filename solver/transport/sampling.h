@@ -74,7 +74,20 @@ inline Vec3 CosineDirection(const Vec3& normal, double u, double v) {
   return Around(normal, std::sqrt(1 - u), v);
 }
 
-/// A point of a convex polygon, uniform by area if u and v are uniform in [0, 1).
-Vec3 PointOn(const Polygon& polygon, double u, double v);
+/// Points of a convex polygon, uniform by area if u and v are uniform in [0, 1). The polygon must outlive it.
+class PointsOn {
+ public:
+  explicit PointsOn(const Polygon& polygon);
+  Vec3 operator()(double u, double v) const;
+
+ private:
+  const Polygon& polygon_;
+  std::array<double, 5> area_{};  // of the fan's triangles, doubled
+  double total_ = 0;
+};
+
+inline Vec3 PointOn(const Polygon& polygon, double u, double v) {
+  return PointsOn(polygon)(u, v);
+}
 
 }  // namespace radbake

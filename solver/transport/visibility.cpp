@@ -99,10 +99,11 @@ double Visibility::OpenShare(const Polygon& polygon, std::uint64_t key, int poin
   int open = 0;
   int seen = 0;
   RayBatch batch(*this);
+  const PointsOn points_on(polygon);
   const int first = std::max(1, points / 8);
   for (; seen < points && (seen < first || (open > 0 && open < seen)); ++seen) {
     const auto u = random.Next();
-    open += IsSealed(PointOn(polygon, u[0], u[1]), polygon, batch.rays) ? 0 : 1;
+    open += IsSealed(points_on(u[0], u[1]), polygon, batch.rays) ? 0 : 1;
   }
   return static_cast<double>(open) / seen;
 }
@@ -120,11 +121,13 @@ SampledVisibility Visibility::BetweenElements(const Polygon& a, const Polygon& b
   std::array<double, 2> all{};
   std::array<double, 2> open{};
   RayBatch batch(*this);
+  const PointsOn on_a(front_a);
+  const PointsOn on_b(front_b);
   for (int k = 0; k < rays; ++k) {
     const std::size_t half = static_cast<std::size_t>(k) % 2;
     const auto u = random[half].Next();
-    const Vec3 x = PointOn(front_a, u[0], u[1]);
-    const Vec3 y = PointOn(front_b, u[2], u[3]);
+    const Vec3 x = on_a(u[0], u[1]);
+    const Vec3 y = on_b(u[2], u[3]);
     const double weight = std::max(0.0, (y - x).dot(a.normal)) * Kernel(x, y, b.normal);
     ++batch.rays;
     all[half] += weight;
@@ -155,9 +158,10 @@ double Visibility::FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygo
   double open = 0;
   double all = 0;
   RayBatch batch(*this);
+  const PointsOn on_front(front);
   for (int k = 0; k < rays; ++k) {
     const auto u = random.Next();
-    const Vec3 y = PointOn(front, u[0], u[1]);
+    const Vec3 y = on_front(u[0], u[1]);
     const double weight = std::max(0.0, (y - x).dot(n)) * Kernel(x, y, polygon.normal);
     ++batch.rays;
     all += weight;
