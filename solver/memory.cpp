@@ -69,9 +69,13 @@ std::size_t PeakBytes() {
   return static_cast<std::size_t>(usage.ru_maxrss) * 1024;
 }
 
-void ReturnLargeBlocks() {
-  constexpr int kLarge = 128 * 1024;
-  mallopt(M_MMAP_THRESHOLD, kLarge);
+void KeepFreed(std::size_t limit) {
+  constexpr std::size_t kKilo = 1024;
+  const auto part = [&](std::size_t share, std::size_t most) {
+    return static_cast<int>(std::clamp(limit / share, 128 * kKilo, most));
+  };
+  mallopt(M_MMAP_THRESHOLD, part(128, 4 * kKilo * kKilo));
+  mallopt(M_TRIM_THRESHOLD, part(32, 64 * kKilo * kKilo));
 }
 
 std::string BytesInWords(std::size_t bytes) {

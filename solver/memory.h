@@ -16,9 +16,10 @@ std::size_t FreeMemory(const std::filesystem::path& root = "/");
 /// Of the process, so far.
 std::size_t PeakBytes();
 
-/// From now on, what is freed of large blocks goes back to the system at once. By itself malloc keeps as much
-/// for later as the largest block that was ever freed, beyond what a bake counts. For a program to ask.
-void ReturnLargeBlocks();
+/// From now on malloc keeps a small part of `limit` for later of what is freed, and returns the rest to the
+/// system at once. By itself it keeps as much as the largest block that was ever freed, beyond what a bake
+/// counts; to keep nothing costs a third of a bake's time in page faults. For a program to ask.
+void KeepFreed(std::size_t limit);
 
 /// "1.9 GB", of 10⁹ bytes; two digits at least.
 std::string BytesInWords(std::size_t bytes);

@@ -13,6 +13,7 @@
 #include "solver/cli/progress.h"
 #include "solver/cli/text.h"
 #include "solver/cli/threads.h"
+#include "solver/memory.h"
 #include "solver/radbake.h"
 
 namespace radbake::cli {
@@ -150,6 +151,8 @@ void BakeCommand::Run() const {
     CheckWritable(statistics_file_);
   }
 
+  const std::size_t memory_limit = memory_limit_.value_or(FreeMemory());
+  KeepFreed(memory_limit);
   const BakeResult result = [&] {
     ProgressDisplay display(mode);
     const gltf::Source source = gltf::ReadSource(scene_);
@@ -160,7 +163,7 @@ void BakeCommand::Run() const {
             display.Show(progress);
             return Continue::kYes;
           },
-          limits_, memory_limit_);
+          limits_, memory_limit);
     });
   }();
 

@@ -10,7 +10,6 @@
 #include "solver/cli/check_command.h"
 #include "solver/cli/output_files.h"
 #include "solver/cli/text.h"
-#include "solver/memory.h"
 
 namespace {
 
@@ -25,7 +24,6 @@ int Fail(std::string_view message, int code) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  radbake::ReturnLargeBlocks();
   try {
     CLI::App app{"radbake: bakes diffuse global illumination into glTF scenes", "radbake"};
     app.set_version_flag("--version", "radbake " RADBAKE_VERSION);
