@@ -53,6 +53,7 @@ RadiosityOperator::RadiosityOperator(const Hierarchy& hierarchy, const Links& li
       areas_[column] = hierarchy[leaf].area;
     }
   }
+  bounds_ = Eigen::ArrayXd::Ones(size());
   distant_ = Collect(Distant());
   emission_ += reflectance_ * distant_;
 }
@@ -72,7 +73,7 @@ LeafValues RadiosityOperator::Radiosity(const Light& light) const {
 
 SolveBytes RadiosityOperator::BytesNeeded(const Hierarchy& hierarchy, const Links& links, const Rows& rows,
                                           std::size_t count) {
-  constexpr std::size_t kOfColumn = 3 * sizeof(Rgb) + sizeof(double);
+  constexpr std::size_t kOfColumn = 3 * sizeof(Rgb) + 2 * sizeof(double);
   const std::size_t polynomials = count > 1 ? 2 * count : 0;  // of what shoots, and of what is gathered
   return {.elements =
               kOfColumn * count * rows.leaves().size() + (1 + polynomials) * hierarchy.size() * sizeof(Rgb),
@@ -285,7 +286,7 @@ LeafValues RadiosityOperator::Collect(const Shooters& shooters) const {
 }
 
 LeafValues RadiosityOperator::Gather(const LeafValues& radiosity) const {
-  return Collect(Surfaces(radiosity));
+  return Collect(Surfaces(radiosity)).rowwise() * bounds_.transpose();
 }
 
 LeafValues RadiosityOperator::LocalMeans(const LeafValues& values) const {
@@ -323,6 +324,35 @@ Rgb RadiosityOperator::RelativeRms(const LeafValues& values, const LeafValues& m
     }
   }
   return (area > 0).select((squares / area).sqrt(), 0.0);
+}
+
+bool RadiosityOperator::Grows(const Light& light) const {
+  // What is uncertain in many links together is less.
+  constexpr double kMost = 1.05;
+  Rgb kept = Rgb::Zero();
+  Rgb given = Rgb::Zero();
+  for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
+    const Eigen::Index mean = Column(k);
+    const Rgb reflectance = reflectance_.col(mean);
+    const Rgb distant = distant_.col(mean);
+    kept += areas_[mean] * (1 - reflectance) * light.irradiance[rows_.leaves()[k]];
+    given += areas_[mean] * (emission_.col(mean) + (1 - reflectance) * distant);
+  }
+  return (kept > kMost * given).any();
+}
+
+void RadiosityOperator::Bound() {
+  LeafValues even = LeafValues::Zero(3, size());
+  for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
+    even.col(Column(k)) = light_.open[rows_.leaves()[k]];
+  }
+  const LeafValues sums = Gather(even);
+  for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
+    const double sum = sums(0, Column(k));
+    if (reflectance_.col(Column(k)).maxCoeff() * sum > 1) {
+      bounds_.segment(Column(k), static_cast<Eigen::Index>(count_)) /= sum;
+    }
+  }
 }
 
 void RadiosityOperator::StoreShape(std::size_t k, const LeafValues& irradiance, Light& light) const {

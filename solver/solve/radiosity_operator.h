@@ -44,6 +44,12 @@ class RadiosityOperator {
   /// The RMS by area of values / measures where there is a measure, of each channel.
   Rgb RelativeRms(const LeafValues& values, const LeafValues& measures) const;
 
+  /// Does `light` keep more power than there is, in any channel? Rays make form factors uncertain. Where a
+  /// cavity's sum to more than one over its reflectance, light grows there from one reflection to the next.
+  bool Grows(const Light& light) const;
+  /// From now on the form factors of such leaves sum to 1, so that nothing grows.
+  void Bound();
+
   /// Leaves E = `irradiance` and that from the sky and the lights in `light`, and B = π·L_e + ρ·E; both, and
   /// the variation, pulled up. What clusters push down may fall below 0 by their basis' error, and is cut;
   /// polynomials that do so are flattened.
@@ -99,6 +105,7 @@ class RadiosityOperator {
   LeafValues distant_;  // irradiance from the sky and from lights without area
   LeafValues reflectance_;
   Eigen::ArrayXd areas_;
+  Eigen::ArrayXd bounds_;  // by column, what its form factors are multiplied by
 };
 
 }  // namespace radbake

@@ -147,7 +147,8 @@ class Solver {
     const Rows rows(hierarchy_, linker_.links(), solution_.light);
     Count(rows);
     const Couplings couplings(hierarchy_, linker_.links(), solution_.light);
-    Iterate(RadiosityOperator(hierarchy_, linker_.links(), rows, couplings, solution_.light), tolerance);
+    RadiosityOperator radiosity_operator(hierarchy_, linker_.links(), rows, couplings, solution_.light);
+    Iterate(radiosity_operator, tolerance);
   }
 
   /// The patches' radiosities first, then the elements' from those. Patches with polynomials are what their
@@ -163,8 +164,8 @@ class Solver {
     Count(elements);
     const Rows patches(hierarchy_, elements, PatchLevel(hierarchy_, patch_area));
     const Couplings couplings(hierarchy_, linker_.links(), solution_.light);
-    Iterate(RadiosityOperator(hierarchy_, linker_.links(), patches, couplings, solution_.light),
-            options_.tolerance);
+    RadiosityOperator on_patches(hierarchy_, linker_.links(), patches, couplings, solution_.light);
+    Iterate(on_patches, options_.tolerance);
     const RadiosityOperator on_elements(hierarchy_, linker_.links(), elements, couplings, solution_.light);
     on_elements.Store(on_elements.Gather(on_elements.Radiosity(solution_.light)), solution_.light);
   }
@@ -191,7 +192,17 @@ class Solver {
     }
   }
 
-  void Iterate(const RadiosityOperator& radiosity_operator, double tolerance) {
+  void Iterate(RadiosityOperator& radiosity_operator, double tolerance) {
+    Converge(radiosity_operator, tolerance);
+    if (!solution_.stopped && radiosity_operator.Grows(solution_.light)) {
+      radiosity_operator.Bound();
+      Converge(radiosity_operator, tolerance);
+    }
+    Note();
+    solution_.iterations.push_back(now_);
+  }
+
+  void Converge(const RadiosityOperator& radiosity_operator, double tolerance) {
     const auto note = [this](const Convergence& convergence) {
       now_.sweeps = convergence.applications;
       now_.residual = convergence.residual;
@@ -203,8 +214,6 @@ class Solver {
     note(options_.iteration == IterationMethod::kKrylov
              ? IterateByKrylov(radiosity_operator, options, solution_.light)
              : IterateBySweeps(radiosity_operator, options, solution_.light));
-    Note();
-    solution_.iterations.push_back(now_);
   }
 
   void Note() {

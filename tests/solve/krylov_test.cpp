@@ -76,6 +76,29 @@ TEST(Krylov, TheResidualIsTrue) {
   EXPECT_NEAR(convergence.residual, (change / area).sqrt().maxCoeff(), 1e-9);
 }
 
+TEST(Krylov, LightDoesNotGrowWhereFormFactorsSumToMoreThanOneOverTheReflectance) {
+  SolvedScene solved(testing::FurnaceBox(0.98), Coarse(Refinement::kHierarchical, IterationMethod::kKrylov));
+  Light& light = solved.solution.light;
+  const Rgb known = light.irradiance[0];
+  std::vector<Link> too_open(solved.solution.links.all().begin(), solved.solution.links.all().end());
+  for (Link& link : too_open) {
+    link.visibility = 1.1F;
+  }
+  Links links;
+  links.Assign(too_open, solved.hierarchy.size(), 0);
+  const Rows rows(solved.hierarchy, links, light);
+  const Couplings couplings(solved.hierarchy, links, light);
+  RadiosityOperator radiosity_operator(solved.hierarchy, links, rows, couplings, light);
+  EXPECT_FALSE(radiosity_operator.Grows(light));
+  const auto soon = [](const Convergence& convergence) { return convergence.applications > 100; };
+  IterateBySweeps(radiosity_operator, {.tolerance = 1e-6, .stop = soon}, light);
+  EXPECT_TRUE(radiosity_operator.Grows(light));
+  radiosity_operator.Bound();
+  IterateByKrylov(radiosity_operator, {.tolerance = 1e-6, .stop = soon}, light);
+  EXPECT_FALSE(radiosity_operator.Grows(light));
+  EXPECT_LT((light.irradiance[0] / known - 1).abs().maxCoeff(), 1e-3);
+}
+
 TEST(Krylov, StopsWithWhatItHasWhenAsked) {
   SolveOptions options = Coarse(Refinement::kHierarchical, IterationMethod::kKrylov);
   std::size_t asked = 0;
