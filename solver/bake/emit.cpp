@@ -51,7 +51,7 @@ class SurfaceBuilder {
       return;
     }
     Weights centre{};
-    const std::array<float, 4> share = CentreWeights(element);
+    const std::array<float, 4> share = CentreWeights(element.CornerCount());
     for (std::size_t c = 0; c < count; ++c) {
       for (std::size_t k = 0; k < 4; ++k) {
         centre[k] += share[c] * corners[c][k];

@@ -46,7 +46,7 @@ Index MeshLight::ElementAt(Index patch, const Vec3& y) const {
 Rgb MeshLight::At(Index patch, const Vec3& y) const {
   const Index element = ElementAt(patch, y);
   const Polygon shape = hierarchy_.Shape(element);
-  const Vec3 centre = ElementCentre(hierarchy_, element);
+  const Vec3 centre = ElementCentre(shape);
   // The triangle of the fan that holds the point: that to the left of its first edge from the centre and to
   // the right of its second.
   std::array<double, 4> left{};

@@ -274,7 +274,7 @@ bool OutputMesh::GatherCentres(const std::function<bool()>& stop, Source source)
     if (std::exchange(sample.gathered, true) || !IsLit(e)) {
       return;
     }
-    const Vec3 x = InsideNear(hierarchy_, e, ElementCentre(hierarchy_, e));
+    const Vec3 x = InsideNear(hierarchy_, e, ElementCentre(hierarchy_.Shape(e)));
     const Index leaf = gatherer_.SolverLeaf(e, x);
     sample.sealed = source == Source::kRays ? gatherer_.IsSealed(x, leaf) : gatherer_.IsSealed(leaf);
     if (!sample.sealed) {

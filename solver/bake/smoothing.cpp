@@ -44,7 +44,7 @@ class Nodes {
   }
   Vec3 Place(std::size_t node) const {
     return IsVertex(node) ? mesh_.hierarchy().Point(static_cast<Index>(node))
-                          : ElementCentre(mesh_.hierarchy(), ElementOf(node));
+                          : ElementCentre(mesh_.hierarchy().Shape(ElementOf(node)));
   }
 
  private:

@@ -60,7 +60,7 @@ Deviations Smooth(const std::function<double(double u, double v)>& irradiance, d
     const Index e = mesh.cut()[k];
     if (solved.hierarchy[e].patch == 0) {
       OutputMesh::Sample sample = mesh.AtCentre(e);
-      sample.irradiance = Rgb::Constant(known(ElementCentre(solved.hierarchy, e)) + normal(random));
+      sample.irradiance = Rgb::Constant(known(ElementCentre(solved.hierarchy.Shape(e))) + normal(random));
       sample.variance = 3 * noise * noise;
       mesh.SetAtCentre(e, sample);
       vertices.insert(mesh.loops()[k].begin(), mesh.loops()[k].end());
