@@ -210,9 +210,11 @@ std::vector<Rgb> RadiosityOperator::CollectOnPatches(const Shooters& shooters) c
     for (Index c = clusters.Above(patch); c != kNone; c = clusters[c].parent) {
       if (!links_.Into(ClusterNode(c)).empty()) {
         const std::uint32_t depth = clusters[c].depth;
+        // As the aperture counts it, on the open part alone.
         irradiance[patch] +=
-            light_.openness.Share(patch, depth) * Evaluate(incident[c].outside, clusters.BasisOf(patch)) +
-            light_.openness.Enclosed(patch, depth) * incident[c].inside;
+            light_.open[patch] *
+            (light_.openness.Share(patch, depth) * Evaluate(incident[c].outside, clusters.BasisOf(patch)) +
+             light_.openness.Enclosed(patch, depth) * incident[c].inside);
       }
     }
   });

@@ -128,6 +128,36 @@ TEST(ClusteredSolution, OfAFurnaceIsThereBeforeAnyLinkIsRefined) {
   }
 }
 
+TEST(ClusteredSolution, OfWhatALinkBringsAllFallsOnOpenParts) {
+  // Half of the floor lies sealed under a box.
+  Scene scene;
+  const Index black = testing::AddMaterial(scene, 0, 0);
+  testing::AddQuad(scene, black, Vec3(0, 0, 0), Vec3(0, 0, 1), Vec3(1, 0, 1), Vec3(1, 0, 0));
+  testing::AddBox(scene, black, Vec3(0, 0, 0), Vec3(1, 0.3, 0.5), false);
+  scene.environment = Rgb::Constant(1);
+  const Patches patches = CutIntoPatches(scene);
+  Hierarchy hierarchy(patches, true);
+  const Visibility visibility(patches);
+  SolveOptions options;
+  options.w_min = 1;  // no second pass
+  const Solution solution = Solve(hierarchy, visibility, options);
+  EXPECT_NEAR(solution.light.open[0], 0.5, 0.05);
+  double fallen = 0;
+  for (Index patch = 0; patch < hierarchy.surface_root_count(); ++patch) {
+    fallen += hierarchy[patch].area * Luminance(solution.light.irradiance[patch]);
+  }
+  double brought = 0;
+  for (const Link& link : solution.links.all()) {
+    if (IsElement(link.shooter)) {
+      ASSERT_TRUE(IsCluster(link.receiver));
+      brought += hierarchy.Area(link.receiver) * static_cast<double>(link.form_factor * link.visibility) *
+                 Luminance(hierarchy.PatchOf(link.shooter).emission);
+    }
+  }
+  EXPECT_GT(brought, 0);
+  EXPECT_NEAR(fallen / brought, 1, 0.02);
+}
+
 TEST(Solution, DoesNotDivideForLightThatReachesNothing) {
   Scene scene;
   const Index grey = testing::AddMaterial(scene, 0.5, 0);
