@@ -62,7 +62,7 @@ SolveOptions OptionsOf(const Parameters& parameters, bool by_rays) {
   // The solution's error falls slower than W_min; constants leave more of it, and lose energy at slits.
   const double finer = std::min(1.0, std::sqrt(parameters.error / 0.02));
   // Where the gather asks rays instead of links, their own error is seen after one more reflection alone.
-  const double w_min_per_error = by_rays ? 0.02 : *parameters.basis == BasisOrder::kConstant ? 0.01 : 0.02;
+  const double w_min_per_error = !by_rays && *parameters.basis == BasisOrder::kConstant ? 0.01 : 0.02;
   options.w_min =
       parameters.oracle.w_min.value_or(std::clamp(w_min_per_error * finer * parameters.error, 1e-8, 1e-2));
   options.tolerance = 0.02 * parameters.error;

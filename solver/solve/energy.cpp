@@ -121,6 +121,9 @@ class Emitters {
     polygon.count = 4;
     polygon.normal = -out;
     polygon.corner = {middle - u - v, middle + u - v, middle + u + v, middle - u + v};
+    if (side % 2 == 0) {
+      std::swap(polygon[1], polygon[3]);
+    }
     return polygon;
   }
 

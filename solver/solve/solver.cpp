@@ -195,8 +195,10 @@ class Solver {
   void Iterate(RadiosityOperator& radiosity_operator, double tolerance) {
     Converge(radiosity_operator, tolerance);
     if (!solution_.stopped && radiosity_operator.Grows(solution_.light)) {
+      const std::size_t before = now_.sweeps;
       radiosity_operator.Bound();
       Converge(radiosity_operator, tolerance);
+      now_.sweeps += before;
     }
     Note();
     solution_.iterations.push_back(now_);
