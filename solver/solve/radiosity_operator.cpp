@@ -39,7 +39,8 @@ RadiosityOperator::RadiosityOperator(const Hierarchy& hierarchy, const Links& li
       rows_(rows),
       couplings_(couplings),
       light_(light),
-      count_(light.basis.count()) {
+      count_(light.basis.count()),
+      push_(hierarchy, links, light) {
   const std::size_t leaves = rows.leaves().size();
   emission_ = LeafValues::Zero(3, Column(leaves));
   reflectance_.resize(3, Column(leaves));
@@ -54,6 +55,9 @@ RadiosityOperator::RadiosityOperator(const Hierarchy& hierarchy, const Links& li
     }
   }
   bounds_ = Eigen::ArrayXd::Ones(size());
+  if (!hierarchy.clusters().empty()) {
+    BalancePush();
+  }
   distant_ = Collect(Distant());
   emission_ += reflectance_ * distant_;
 }
@@ -77,10 +81,12 @@ SolveBytes RadiosityOperator::BytesNeeded(const Hierarchy& hierarchy, const Link
   const std::size_t polynomials = count > 1 ? 2 * count : 0;  // of what shoots, and of what is gathered
   return {.elements =
               kOfColumn * count * rows.leaves().size() + (1 + polynomials) * hierarchy.size() * sizeof(Rgb),
-          .links = hierarchy.clusters().empty() ? 0 : links.size() * sizeof(Rgb)};
+          .links = hierarchy.clusters().empty()
+                       ? 0
+                       : links.size() * sizeof(Rgb) + ClusterPush::BytesNeeded(hierarchy, links)};
 }
 
-RadiosityOperator::Shooters RadiosityOperator::Distant() const {
+Shooters RadiosityOperator::Distant() const {
   Shooters shooters;
   shooters.elements.assign(hierarchy_.size(), Rgb::Zero());
   for (Index e = 0; e < hierarchy_.size(); ++e) {
@@ -93,7 +99,7 @@ RadiosityOperator::Shooters RadiosityOperator::Distant() const {
   return shooters;
 }
 
-RadiosityOperator::Shooters RadiosityOperator::Surfaces(const LeafValues& radiosity) const {
+Shooters RadiosityOperator::Surfaces(const LeafValues& radiosity) const {
   Shooters shooters;
   std::vector<Rgb>& elements = shooters.elements;
   elements.assign(hierarchy_.size(), Rgb::Zero());
@@ -160,77 +166,6 @@ std::vector<Rgb> RadiosityOperator::ShootingOfClusters(const std::vector<Rgb>& e
   return shooting;
 }
 
-Rgb RadiosityOperator::Shooting(const Shooters& shooters, Index gathered) const {
-  if (IsElement(gathered)) {
-    return shooters.elements[gathered];
-  }
-  return IsPunctual(gathered) ? shooters.punctual[gathered - kFirstPunctual]
-                              : shooters.clusters[gathered - kFirstCluster];
-}
-
-RadiosityOperator::Incident RadiosityOperator::CollectOn(Index c, const Shooters& shooters) const {
-  Incident incident;
-  const CosineSum& aperture = light_.aperture[c];
-  for (const Link& link : links_.Into(ClusterNode(c))) {
-    if (!links_.ReceiversOf(link).empty()) {
-      continue;
-    }
-    const Rgb shooting = Shooting(shooters, GatheredFrom(links_, link));
-    const Rgb mean = static_cast<double>(link.form_factor * link.visibility) * shooting;
-    if (link.shooter == link.receiver && light_.enclosed[c] > 0) {
-      incident.inside += mean / light_.enclosed[c];
-      continue;
-    }
-    const Eigen::RowVector3f row = mean.cast<float>().matrix().transpose();
-    // Light from one direction falls on the patches by their orientation; its mean over them is the link's.
-    constexpr double kHardly = 0.02;
-    if (link.shooter != link.receiver) {
-      const CosineSum basis =
-          CosineBasis(DirectionTo(hierarchy_, link.shooter, hierarchy_.clusters()[c].centre));
-      const double facing = Evaluate(aperture, basis);
-      if (facing > kHardly * static_cast<double>(aperture[0])) {
-        incident.outside += ((basis / static_cast<float>(facing)).matrix() * row).array();
-        continue;
-      }
-    }
-    if (aperture[0] > 0) {
-      incident.outside.row(0) += row.array() / aperture[0];
-    }
-  }
-  return incident;
-}
-
-std::vector<Rgb> RadiosityOperator::CollectOnPatches(const Shooters& shooters) const {
-  const Clusters& clusters = hierarchy_.clusters();
-  std::vector<Incident> incident(clusters.size());
-  tbb::parallel_for(Index{0}, static_cast<Index>(clusters.size()),
-                    [&](Index c) { incident[c] = CollectOn(c, shooters); });
-  std::vector<Rgb> irradiance(hierarchy_.surface_root_count(), Rgb::Zero());
-  tbb::parallel_for(Index{0}, static_cast<Index>(irradiance.size()), [&](Index patch) {
-    for (Index c = clusters.Above(patch); c != kNone; c = clusters[c].parent) {
-      if (!links_.Into(ClusterNode(c)).empty()) {
-        const std::uint32_t depth = clusters[c].depth;
-        // As the aperture counts it, on the open part alone.
-        irradiance[patch] +=
-            light_.open[patch] *
-            (light_.openness.Share(patch, depth) * Evaluate(incident[c].outside, clusters.BasisOf(patch)) +
-             light_.openness.Enclosed(patch, depth) * incident[c].inside);
-      }
-    }
-  });
-  for (Index c = 0; c < clusters.size(); ++c) {
-    for (const Link& link : links_.Into(ClusterNode(c))) {
-      const Rgb power = clusters[c].area * static_cast<double>(link.form_factor * link.visibility) *
-                        Shooting(shooters, GatheredFrom(links_, link));
-      for (const PatchShare& receiver : links_.ReceiversOf(link)) {
-        irradiance[receiver.patch] +=
-            static_cast<double>(receiver.share) / hierarchy_[receiver.patch].area * power;
-      }
-    }
-  }
-  return irradiance;
-}
-
 std::vector<Rgb> RadiosityOperator::CollectShaped(const Shooters& shooters) const {
   if (shooters.coefficients.empty()) {
     return {};
@@ -248,7 +183,7 @@ std::vector<Rgb> RadiosityOperator::CollectShaped(const Shooters& shooters) cons
 }
 
 LeafValues RadiosityOperator::Collect(const Shooters& shooters) const {
-  const std::vector<Rgb> from_clusters = CollectOnPatches(shooters);
+  const std::vector<Rgb> from_clusters = push_.Push(shooters);
   const std::vector<Rgb> shaped = CollectShaped(shooters);
   LeafValues irradiance(3, size());
   constexpr std::size_t kGrain = 64;
@@ -266,7 +201,7 @@ LeafValues RadiosityOperator::Collect(const Shooters& shooters) const {
                         moments.fill(Rgb::Zero());
                         const float* moment = rows_.Moments(k).data();
                         for (const Gathered& entry : rows_[k]) {
-                          const Rgb shooting = Shooting(shooters, entry.shooter);
+                          const Rgb shooting = shooters.Of(entry.shooter);
                           sum += static_cast<double>(entry.weight) * shooting;
                           for (std::size_t i = 1; i < count_; ++i) {
                             moments[i] += static_cast<double>(*moment++) * shooting;
@@ -285,6 +220,31 @@ LeafValues RadiosityOperator::Collect(const Shooters& shooters) const {
                       }
                     });
   return irradiance;
+}
+
+LeafValues RadiosityOperator::EvenLight() const {
+  LeafValues even = LeafValues::Zero(3, size());
+  for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
+    even.col(Column(k)) = light_.open[rows_.leaves()[k]];
+  }
+  return even;
+}
+
+void RadiosityOperator::BalancePush() {
+  Shooters even = Surfaces(EvenLight());
+  for (Index e = 0; e < hierarchy_.size(); ++e) {
+    if (hierarchy_.IsSky(e)) {
+      even.elements[e] = Rgb::Ones();
+    }
+  }
+  const LeafValues irradiance = Collect(even);
+  std::vector<double> seen(hierarchy_.surface_root_count());
+  for (Eigen::Index k = 0; k < size(); ++k) {
+    if (IsMean(k)) {
+      seen[PatchOf(k)] += areas_[k] / hierarchy_[PatchOf(k)].area * irradiance(0, k);
+    }
+  }
+  push_.Balance(even, seen);
 }
 
 LeafValues RadiosityOperator::Gather(const LeafValues& radiosity) const {
@@ -344,11 +304,7 @@ bool RadiosityOperator::Grows(const Light& light) const {
 }
 
 void RadiosityOperator::Bound() {
-  LeafValues even = LeafValues::Zero(3, size());
-  for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
-    even.col(Column(k)) = light_.open[rows_.leaves()[k]];
-  }
-  const LeafValues sums = Gather(even);
+  const LeafValues sums = Gather(EvenLight());
   for (std::size_t k = 0; k < rows_.leaves().size(); ++k) {
     const double sum = sums(0, Column(k));
     if (reflectance_.col(Column(k)).maxCoeff() * sum > 1) {

@@ -3,8 +3,10 @@
 #pragma once
 
 #include "solver/hierarchy/light.h"
+#include "solver/solve/cluster_push.h"
 #include "solver/solve/couplings.h"
 #include "solver/solve/rows.h"
+#include "solver/solve/shooters.h"
 #include "solver/solve/solution.h"
 
 namespace radbake {
@@ -60,29 +62,15 @@ class RadiosityOperator {
                                 std::size_t count);
 
  private:
-  struct Shooters {
-    std::vector<Rgb> elements;      // radiosity of the open part
-    std::vector<Rgb> coefficients;  // K > 1: its polynomial
-    std::vector<Rgb> clusters;      // by link, of those from clusters
-    std::vector<Rgb> punctual;
-  };
   Shooters Surfaces(const LeafValues& radiosity) const;
   Shooters Distant() const;
   /// By link, what its receiver sees of a shooting cluster: the patches that the link's rays met, which know
   /// what is turned away and what hides what.
   std::vector<Rgb> ShootingOfClusters(const std::vector<Rgb>& elements) const;
-  /// `gathered`: as in Gathered.
-  Rgb Shooting(const Shooters& shooters, Index gathered) const;
-  /// What a cluster of many patches hands down to each: of what comes from outside, by the patch's
-  /// orientation and as far as it is open to it; of what the cluster's patches exchange, as far as they
-  /// enclose it.
-  struct Incident {
-    RgbCosineSum outside = RgbCosineSum::Zero();  // Σ y(d)·E⊥ over links, E⊥ of what faces direction d
-    Rgb inside = Rgb::Zero();
-  };
-  Incident CollectOn(Index cluster, const Shooters& shooters) const;
-  /// By patch, what the clusters above it hand down, and what links into those of few patches bring to it.
-  std::vector<Rgb> CollectOnPatches(const Shooters& shooters) const;
+  /// Radiosity 1 of all that is open.
+  LeafValues EvenLight() const;
+  /// So that no patch gets more from clusters than it can see.
+  void BalancePush();
   LeafValues Collect(const Shooters& shooters) const;
   void StoreShape(std::size_t k, const LeafValues& irradiance, Light& light) const;
   /// By element, K each: the polynomials that couplings bring, the ancestors' too.
@@ -105,6 +93,7 @@ class RadiosityOperator {
   LeafValues distant_;  // irradiance from the sky and from lights without area
   LeafValues reflectance_;
   Eigen::ArrayXd areas_;
+  ClusterPush push_;
   Eigen::ArrayXd bounds_;  // by column, what its form factors are multiplied by
 };
 
