@@ -67,6 +67,13 @@ std::vector<std::size_t> SpreadOrder(std::size_t count) {
   return order;
 }
 
+// Does nobody see a place with that share of dead sides around it? Where two bodies touch, a ray inside of
+// one may meet the other's side; but then no light is found.
+bool IsHidden(double dead_share, const Rgb& irradiance) {
+  constexpr double kHalf = 0.5;
+  return dead_share == 1 || (dead_share >= kHalf && (irradiance == 0).all());
+}
+
 // Calls `trace` for each of `indices` on all threads, until `stop` says so; returns how many were done.
 // `stop` is asked on the caller's thread.
 template <typename Function>
@@ -103,8 +110,8 @@ CheckSummary Check(const Scene& scene, const BakedTriangles& baked, const CheckO
   std::vector<Reference> pilots(probes.size());
   std::vector<char> hidden(probes.size());
   const std::size_t piloted = ForEach(order, options.stop, [&](std::size_t i) {
-    hidden[i] = tracer.IsHidden(probes[i]) ? 1 : 0;
     pilots[i] = Trace(tracer, probes[i], kPilotPaths, SubStream(stream(kPilot), i));
+    hidden[i] = IsHidden(tracer.DeadShare(probes[i]), pilots[i].irradiance) ? 1 : 0;
   });
   Rgb energy = Rgb::Zero();
   Rgb variance = Rgb::Zero();

@@ -201,16 +201,17 @@ Rgb PathTracer::FromSuns(const Place& place, double sample, std::size_t& rays) c
   return sun.intensity * (receiving / (*chosen - before) / std::numbers::pi);
 }
 
-bool PathTracer::IsHidden(const Place& place) const {
+double PathTracer::DeadShare(const Place& place) const {
   constexpr std::uint32_t kRays = 16;
   const SamplePoints points(0);
+  std::uint32_t dead = 0;
   for (std::uint32_t i = 0; i < kRays; ++i) {
     const auto hit = caster_.Closest(place.point, CosineDirection(place.normal, points.Point(i, 0)));
-    if (!hit || (hit->front ? scene_.facets[hit->triangle].front : scene_.facets[hit->triangle].back)) {
-      return false;
+    if (hit && !(hit->front ? scene_.facets[hit->triangle].front : scene_.facets[hit->triangle].back)) {
+      ++dead;
     }
   }
-  return true;
+  return static_cast<double>(dead) / kRays;
 }
 
 PathTracer::Estimate PathTracer::Irradiance(const Place& place, std::uint32_t paths,

@@ -30,9 +30,9 @@ class PathTracer {
   /// streams are independent. `paths` is at least 1.
   Estimate Irradiance(const Place& place, std::uint32_t paths, std::uint64_t stream) const;
 
-  /// Does the place see nothing but sides without light, as under a body that stands there? Then nobody sees
-  /// the place either. By 16 rays.
-  bool IsHidden(const Place& place) const;
+  /// Of what the place sees, the share that is sides without light, by 16 rays. Where there is nothing else,
+  /// as under a body that stands there, nobody sees the place either.
+  double DeadShare(const Place& place) const;
 
  private:
   /// Lamps of the tree: first the facets that emit, then the lights with a position.

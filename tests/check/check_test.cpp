@@ -81,6 +81,18 @@ TEST(Check, LeavesOutWhatNobodySeesUnderABody) {
   EXPECT_EQ(summary.missing, 0);
 }
 
+TEST(Check, LeavesOutWhatIsHiddenInBodiesThatTouch) {
+  // Inside of one, a ray may meet another's side instead of its own in the same plane.
+  Scene scene = Furnace(0.5, 2);
+  const Index white = AddMaterial(scene, 0.999, 0);
+  const auto add_body = [&](const Vec3& low, const Vec3& high) { AddRoom(scene, white, high, low - high); };
+  add_body({0.1, 0.1, 0.1}, {0.9, 0.9, 0.2});
+  add_body({0.5, 0.2, 0.2}, {0.8, 0.7, 0.8});
+  add_body({0.2, 0.2, 0.2}, {0.5, 0.7, 0.8});
+  const CheckSummary summary = Check(scene, UniformBake(scene, FurnaceIrradiance(0.5, 2)), Options(2000));
+  EXPECT_LT(summary.error, 0.03);
+}
+
 // Every quad of the room in n by n cells of two triangles, at each of their own vertices a random error.
 struct NoisyBake {
   BakedTriangles baked;
