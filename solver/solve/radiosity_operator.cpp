@@ -201,7 +201,7 @@ LeafValues RadiosityOperator::Collect(const Shooters& shooters) const {
                         moments.fill(Rgb::Zero());
                         const float* moment = rows_.Moments(k).data();
                         for (const Gathered& entry : rows_[k]) {
-                          const Rgb shooting = shooters.Of(entry.shooter);
+                          const Rgb& shooting = shooters.Of(entry.shooter);
                           sum += static_cast<double>(entry.weight) * shooting;
                           for (std::size_t i = 1; i < count_; ++i) {
                             moments[i] += static_cast<double>(*moment++) * shooting;
