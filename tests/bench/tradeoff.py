@@ -6,8 +6,8 @@
 
 Runs `radbake bake` for every method and basis over its accuracy range on each scene, without the final gather and, for
 the default, with it, and `radbake check` on every result. Where there is a `blender`, Cycles bakes the scene too
-(cycles.py). Two more parts are `growth`, links against elements in the Cornell box, and `touching`, two plates that
-touch at a right angle.
+(cycles.py). Three more parts are `agreement`, every method with the final gather at its finest, `growth`, links against
+elements in the Cornell box, and `touching`, two plates that touch at a right angle.
 Writes tradeoff.json (all that was measured), tradeoff.md (tables) and SVGs into --out, anew after each part; --publish
 copies tradeoff.md and the plots that it shows. A range ends where a bake takes longer than --longest. Times are
 processor seconds of the bake, without the check. Needs nothing but Python 3.
@@ -25,7 +25,7 @@ import struct
 import subprocess
 import sys
 
-from tradeoff_report import (CYCLES, DEFAULT, GROWTH, MOST_PATCHES, SHOWN, TOUCHING, exponent, markdown,
+from tradeoff_report import (AGREEMENT, CYCLES, DEFAULT, GROWTH, MOST_PATCHES, SHOWN, TOUCHING, exponent, markdown,
                              write_plots)
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -43,6 +43,7 @@ SOLUTIONS = {
 CURVES = {name: [*flags, "--final-gather", "off"] for name, flags in SOLUTIONS.items()}
 CURVES[DEFAULT] = ["--method", "adaptive"]
 ERRORS = (0.2, 0.1, 0.05, 0.03, 0.02, 0.014, 0.01)
+FINEST = (0.02, 0.01)
 SAMPLES = (4, 16, 64, 256, 1024)
 TEXELS = 65536
 # Methods that link all pairs of patches at least.
@@ -194,6 +195,18 @@ class Bench:
                 found["refused"] = str(reason)
         return found
 
+    def agreement(self, name):
+        """Of each method, gathered anew, the finest bake within the limit; of none where some would link too much."""
+        finest = {}
+        for method, flags in reversed(SOLUTIONS.items()):
+            print(f"  {name}, {method}, gathered", flush=True)
+            settings = [["--error", str(error), *flags, "--final-gather", "on"] for error in FINEST]
+            runs = self.sweep(settings, lambda flags: self.bake(SCENES[name], flags))
+            if not runs or runs[-1]["patches"] > MOST_PATCHES:
+                return {}
+            finest[method] = runs[-1]
+        return finest
+
     def growth(self, scene, settings_by_name, checked=False):
         """Links and bytes against elements, with the exponents fitted to the finer half of the settings."""
         growth = {}
@@ -262,7 +275,7 @@ def main():
     arguments.add_argument("--longest", type=float, default=120, help="processor seconds of a bake that end a range")
     given = arguments.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    there = [*SCENES, GROWTH, TOUCHING]
+    there = [*SCENES, AGREEMENT, GROWTH, TOUCHING]
     parts = given.parts.split(",") if given.parts else there
     if set(parts) - set(there):
         sys.exit(f"tradeoff: no part {', '.join(sorted(set(parts) - set(there)))}; there are {', '.join(there)}")
@@ -274,7 +287,12 @@ def main():
     report = json.loads(stored.read_text()) if given.keep and stored.exists() else {"scenes": {}}
     report["cores"] = os.cpu_count()
     for part in parts:
-        if part == GROWTH:
+        if part == AGREEMENT:
+            report[part] = {}
+            for name in (name for name, (path, _) in SCENES.items() if path and path.exists()):
+                report[part][name] = bench.agreement(name)
+                stored.write_text(json.dumps(report, indent=1))
+        elif part == GROWTH:
             report[part] = bench.growth(SCENES["cornell-box"], growth_settings())
         elif part == TOUCHING:
             plates = given.out / "touching-plates.gltf"

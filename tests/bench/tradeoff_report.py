@@ -1,7 +1,7 @@
 """Tables and plots of what tradeoff.py has measured.
 
 A report holds `scenes`, by name: `runs`, a list of bakes by curve, `patches`, and `cycles`, the bakes of Cycles, or why
-it was `refused`; and `growth` and `touching`, by method: `runs` and fitted exponents.
+it was `refused`; `agreement`, by scene and method, the finest bake; and `growth` and `touching`, by method: `runs` and fitted exponents.
 """
 import math
 
@@ -9,7 +9,7 @@ from tradeoff_plot import log_plot
 
 DEFAULT = "adaptive, final gather"
 CYCLES = "Cycles"
-GROWTH, TOUCHING = "growth", "touching"
+AGREEMENT, GROWTH, TOUCHING = "agreement", "growth", "touching"
 DIAL = (0.1, 0.05, 0.02, 0.01)
 MOST_PATCHES = 300  # of methods that link all pairs: of more they would need all memory
 SHOWN = ("cornell-box", "living-room", "furnished-room")  # whose error against time tradeoff.md shows
@@ -124,6 +124,18 @@ def scene_tables(name, scene):
                                  "{:.2f}")
 
 
+def agreement_table(report):
+    """Whatever makes the solution, what is gathered from it is the same light."""
+    by_scene = {name: finest for name, finest in report.get(AGREEMENT, {}).items() if finest}
+    if not by_scene:
+        return ""
+    methods = list(reversed(next(iter(by_scene.values()))))
+    rows = [[name] + [f"{100 * finest[method]['error']['relative_rms']:.2f} % (of {100 * float(finest[method]['flags'][1]):g})"
+                      for method in methods] for name, finest in by_scene.items()]
+    return ("\n## Every method at its finest\n\nThe measured error with the final gather, of what was asked for, the finest "
+            f"within the time. Of scenes of at most {MOST_PATCHES} patches.\n\n" + table([""] + methods, rows))
+
+
 def growth_tables(report):
     text = ""
     if GROWTH in report:
@@ -164,4 +176,4 @@ def markdown(report):
                  "viewer interpolates it; no denoiser, no clamping, no light threshold.\n")
     text += dial(report)
     text += "".join(scene_tables(name, scene) for name, scene in report["scenes"].items())
-    return text + growth_tables(report)
+    return text + agreement_table(report) + growth_tables(report)
