@@ -202,9 +202,10 @@ class Bench:
             print(f"  {name}, {method}, gathered", flush=True)
             settings = [["--error", str(error), *flags, "--final-gather", "on"] for error in FINEST]
             runs = self.sweep(settings, lambda flags: self.bake(SCENES[name], flags))
-            if not runs or runs[-1]["patches"] > MOST_PATCHES:
+            if runs and runs[-1]["patches"] <= MOST_PATCHES:
+                finest[method] = runs[-1]
+            elif not finest:
                 return {}
-            finest[method] = runs[-1]
         return finest
 
     def growth(self, scene, settings_by_name, checked=False):

@@ -129,9 +129,11 @@ def agreement_table(report):
     by_scene = {name: finest for name, finest in report.get(AGREEMENT, {}).items() if finest}
     if not by_scene:
         return ""
-    methods = list(reversed(next(iter(by_scene.values()))))
-    rows = [[name] + [f"{100 * finest[method]['error']['relative_rms']:.2f} % (of {100 * float(finest[method]['flags'][1]):g})"
-                      for method in methods] for name, finest in by_scene.items()]
+    methods = list(reversed(max(by_scene.values(), key=len)))
+
+    def cell(run):
+        return f"{100 * run['error']['relative_rms']:.2f} % (of {100 * float(run['flags'][1]):g})" if run else "–"
+    rows = [[name] + [cell(finest.get(method)) for method in methods] for name, finest in by_scene.items()]
     return ("\n## Every method at its finest\n\nThe measured error with the final gather, of what was asked for, the finest "
             f"within the time. Of scenes of at most {MOST_PATCHES} patches.\n\n" + table([""] + methods, rows))
 
