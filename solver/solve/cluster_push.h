@@ -19,7 +19,8 @@ namespace radbake {
 /// No patch sees more than all that is around it. By the chance of few rays single ones would get far more, a
 /// small one a thousand times as much, and light that such patches hand to and fro would grow with each
 /// reflection. So patches that get too much get less, and of each link's light the others more, in turn, as
-/// Rows are balanced (Sinkhorn 1967).
+/// Rows are balanced (Sinkhorn 1967). Where no patch of a cluster has room for what a link brings, it is
+/// lost.
 class ClusterPush {
  public:
   /// All must outlive it.
