@@ -58,7 +58,11 @@ Decision HierarchicalOracle::Judge(const Hierarchy& hierarchy, const Link& link)
                                                     hierarchy.Shape(link.receiver), receiver_area)
                                : EstimateFormFactor(hierarchy, link.shooter, link.receiver);
   if (there < f_max_ && back < f_max_) {
-    return Decision::kKeep;
+    // From the sky's distance all of the scene is small, and what it is seen through is not: no form factor
+    // says where its light ends.
+    const bool sky = IsElement(link.shooter) && hierarchy.IsSky(link.shooter);
+    const bool partial = link.visibility > 0 && link.visibility < 1;
+    return sky && partial && receiver_area >= a_min_ ? Decision::kDivideReceiver : Decision::kKeep;
   }
   return IsAtLeast(receiver_area, shooter_area) ? Decision::kDivideReceiver : Decision::kDivideShooter;
 }

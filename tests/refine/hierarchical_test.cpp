@@ -54,6 +54,24 @@ TEST(HierarchicalOracle, KeepsWhateverIsBelowTheSmallestAreaAtBothEnds) {
   EXPECT_EQ(between.Judge(hierarchy, Between(1, 0)), Decision::kDivideReceiver);
 }
 
+TEST(HierarchicalOracle, DividesWhatSeesAPartOfTheSky) {
+  Scene scene = TwoPlates();
+  scene.environment = Rgb::Ones();
+  const Patches patches = CutIntoPatches(scene);
+  const Hierarchy hierarchy(patches);
+  const Index sky = static_cast<Index>(hierarchy.surface_root_count());
+  const double area = hierarchy[0].area;
+  Link link = Between(0, sky);
+  const auto judge = [&](float visibility, double a_min) {
+    link.visibility = visibility;
+    return HierarchicalOracle(a_min, 0.99).Judge(hierarchy, link);
+  };
+  EXPECT_EQ(judge(1, 0.1 * area), Decision::kKeep);
+  EXPECT_EQ(judge(0, 0.1 * area), Decision::kKeep);
+  EXPECT_EQ(judge(0.5, 0.1 * area), Decision::kDivideReceiver);
+  EXPECT_EQ(judge(0.5, 1.1 * area), Decision::kKeep);
+}
+
 struct Count {
   double elements = 0;
   double leaves = 0;
