@@ -50,7 +50,7 @@ void OpenStandardDescriptors() {
 
 // No other process of this user's reads the memory of this one, in which a password may be.
 void HideMemory() {
-#if !defined(__SANITIZE_ADDRESS__)  // LeakSanitizer reads it from without
+#if !defined(RADBAKE_ADDRESS_SANITIZER)  // LeakSanitizer reads it from without
   ::prctl(PR_SET_DUMPABLE, 0);
 #endif
 }

@@ -90,7 +90,7 @@ constexpr std::array kDenied = {
     SYS_reboot,     SYS_init_module, SYS_finit_module,    SYS_pidfd_send_signal, SYS_open_by_handle_at};
 
 // LeakSanitizer stops the threads of its own process with it.
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(RADBAKE_ADDRESS_SANITIZER)
 constexpr bool kTraces = true;
 #else
 constexpr bool kTraces = false;

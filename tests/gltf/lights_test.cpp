@@ -17,7 +17,7 @@ using testing::Not;
 Builder WithLight(const Json& light, const Json& node = Json::object()) {
   Builder builder = OneTriangle();
   builder.root["extensionsUsed"] = {"KHR_lights_punctual"};
-  builder.root["extensions"]["KHR_lights_punctual"]["lights"] = {light};
+  builder.root["extensions"]["KHR_lights_punctual"]["lights"] = Json::array({light});
   builder.Add("nodes", node);
   builder.root["nodes"][1]["extensions"]["KHR_lights_punctual"]["light"] = 0;
   builder.root["scenes"][0]["nodes"] = {0, 1};

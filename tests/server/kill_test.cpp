@@ -25,7 +25,7 @@ namespace {
 
 constexpr int kClients = 2;
 constexpr int kJobsOfAClient = 5;  // in a round
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(RADBAKE_ADDRESS_SANITIZER) || defined(RADBAKE_THREAD_SANITIZER)
 constexpr int kRounds = 2;
 #else
 constexpr int kRounds = 10;

@@ -116,7 +116,7 @@ TEST_F(SandboxTest, AJobBeyondALimitFailsAtOnceWithOneSentence) {
   EXPECT_THAT(failed.at("error").at("detail").get<std::string>(), HasSubstr("1 seconds"));
 }
 
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // whose shadow counts as memory
+#if !defined(RADBAKE_ADDRESS_SANITIZER) && !defined(RADBAKE_THREAD_SANITIZER)  // whose shadow counts as memory
 TEST_F(SandboxTest, AJobThatNeedsMoreMemoryThanAllowedFailsAtOnceWithOneSentence) {
   ChildLimits limits;
   limits.memory = 16 << 20U;
@@ -166,7 +166,7 @@ TEST_F(SandboxTest, IsLimitedUnlessToldOtherwise) {
 }
 #endif
 
-#ifndef __SANITIZE_THREAD__  // the sandbox keeps the library of such a build from radbake
+#ifndef RADBAKE_THREAD_SANITIZER  // the sandbox keeps the library of such a build from radbake
 TEST_F(SandboxTest, TheRealRadbakeBakesInIt) {
   ChildLimits limits;
   limits.open_files = 256;

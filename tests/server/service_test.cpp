@@ -271,7 +271,7 @@ Daemon::Daemon(const std::filesystem::path& data, const std::filesystem::path& r
     : log_(data.string() + ".log") {
   std::vector<std::string> words = {RADBAKE_BINARY_DIR "/radbaked"};
   words.insert(words.end(), {"--data", data.string(), "--radbake", radbake.string(), "--no-confinement"});
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(RADBAKE_ADDRESS_SANITIZER) || defined(RADBAKE_THREAD_SANITIZER)
   words.insert(words.end(), {"--job-memory", "0"});  // as which its shadow counts
 #endif
   words.insert(words.end(), more.begin(), more.end());

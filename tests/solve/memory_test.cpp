@@ -12,7 +12,7 @@
 namespace radbake {
 namespace {
 
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // whose malloc tells nothing
+#if !defined(RADBAKE_ADDRESS_SANITIZER) && !defined(RADBAKE_THREAD_SANITIZER)  // whose malloc tells nothing
 
 std::size_t Allocated() {
   const struct mallinfo2 info = mallinfo2();
