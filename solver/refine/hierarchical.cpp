@@ -57,11 +57,14 @@ Decision HierarchicalOracle::Judge(const Hierarchy& hierarchy, const Link& link)
   const double back = elements ? EstimateFormFactor(hierarchy.Shape(link.shooter),
                                                     hierarchy.Shape(link.receiver), receiver_area)
                                : EstimateFormFactor(hierarchy, link.shooter, link.receiver);
-  if (there < f_max_ && back < f_max_) {
+  // Where something hides a part of one from the other, the form factor is less certain than its size says.
+  constexpr double kPartial = 0.25;
+  const bool partial = link.visibility > 0 && link.visibility < 1;
+  const bool sky = IsElement(link.shooter) && hierarchy.IsSky(link.shooter);
+  const double most = partial && !sky ? kPartial * f_max_ : f_max_;
+  if (there < most && back < most) {
     // From the sky's distance all of the scene is small, and what it is seen through is not: no form factor
     // says where its light ends.
-    const bool sky = IsElement(link.shooter) && hierarchy.IsSky(link.shooter);
-    const bool partial = link.visibility > 0 && link.visibility < 1;
     return sky && partial && receiver_area >= a_min_ ? Decision::kDivideReceiver : Decision::kKeep;
   }
   return IsAtLeast(receiver_area, shooter_area) ? Decision::kDivideReceiver : Decision::kDivideShooter;

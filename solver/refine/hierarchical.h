@@ -7,9 +7,9 @@
 namespace radbake {
 
 /// Before any radiosity is known: two nodes may be linked if the estimated form factor is below F_max each
-/// way, or if both areas are below A_min; else the larger one is divided. What lights without an area of its
-/// own has no such form factors: receivers are divided down to A_min for lights that are points, and for the
-/// sky where they see it in part.
+/// way (a quarter of it where something hides a part of one from the other), or if both areas are below
+/// A_min; else the larger one is divided. What lights without an area of its own has no such form factors:
+/// receivers are divided down to A_min for lights that are points, and for the sky where they see it in part.
 class HierarchicalOracle : public Oracle {
  public:
   /// `a_min` normalised area, `f_max` in (0, 1).

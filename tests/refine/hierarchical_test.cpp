@@ -35,6 +35,25 @@ TEST(HierarchicalOracle, KeepsLinksOfSmallFormFactorsEachWay) {
   EXPECT_NE(HierarchicalOracle(0, 0.3).Judge(hierarchy, Between(0, 1)), Decision::kKeep);
 }
 
+TEST(HierarchicalOracle, AsksForLessWhereOneIsHiddenInPart) {
+  const Patches patches = CutIntoPatches(TwoPlates());
+  const Hierarchy hierarchy(patches);
+  const auto judge = [&](float visibility, double f_max) {
+    Link link = Between(0, 1);
+    link.visibility = visibility;
+    return HierarchicalOracle(0, f_max).Judge(hierarchy, link);
+  };
+  double least = 1;  // F_max that the link is kept at
+  while (judge(1, 0.99 * least) == Decision::kKeep) {
+    least *= 0.99;
+  }
+  ASSERT_LT(least, 1);
+  EXPECT_EQ(judge(0, least), Decision::kKeep);
+  EXPECT_NE(judge(0.5, least), Decision::kKeep);
+  EXPECT_NE(judge(0.5, 3.9 * least), Decision::kKeep);
+  EXPECT_EQ(judge(0.5, 4.1 * least), Decision::kKeep);
+}
+
 TEST(HierarchicalOracle, DividesTheLargerEnd) {
   const Patches patches = CutIntoPatches(TwoPlates());
   const Hierarchy hierarchy(patches);
