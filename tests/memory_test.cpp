@@ -55,7 +55,8 @@ TEST_F(FreeMemoryTest, IsTheMachinesWhereTheKernelDoesNotSay) {
   EXPECT_GT(FreeMemory(root()), 1U << 20U);
 }
 
-#if !defined(RADBAKE_ADDRESS_SANITIZER) && !defined(RADBAKE_THREAD_SANITIZER)  // which take all addresses there are
+#if !defined(RADBAKE_ADDRESS_SANITIZER) && \
+    !defined(RADBAKE_THREAD_SANITIZER)  // which take all addresses there are
 TEST_F(FreeMemoryTest, IsLessUnderAResourceLimit) {
   constexpr rlim_t kLimit = 1ULL << 40U;
   Write("proc/meminfo", "MemAvailable:   100000000000 kB\n");

@@ -175,7 +175,8 @@ TEST_F(BakeCommand, TakesAMemoryLimitInBytesOrLargerUnits) {
   }
 }
 
-#if !defined(RADBAKE_ADDRESS_SANITIZER) && !defined(RADBAKE_THREAD_SANITIZER)  // which take memory of their own
+#if !defined(RADBAKE_ADDRESS_SANITIZER) && \
+    !defined(RADBAKE_THREAD_SANITIZER)  // which take memory of their own
 TEST_F(BakeCommand, StaysWithinItsMemoryLimitBakingCoarser) {
   // The peak counts the program's own files too, as many of their pages as the kernel maps at once: a few
   // megabytes more where they have just been written.

@@ -116,7 +116,8 @@ TEST_F(SandboxTest, AJobBeyondALimitFailsAtOnceWithOneSentence) {
   EXPECT_THAT(failed.at("error").at("detail").get<std::string>(), HasSubstr("1 seconds"));
 }
 
-#if !defined(RADBAKE_ADDRESS_SANITIZER) && !defined(RADBAKE_THREAD_SANITIZER)  // whose shadow counts as memory
+#if !defined(RADBAKE_ADDRESS_SANITIZER) && \
+    !defined(RADBAKE_THREAD_SANITIZER)  // whose shadow counts as memory
 TEST_F(SandboxTest, AJobThatNeedsMoreMemoryThanAllowedFailsAtOnceWithOneSentence) {
   ChildLimits limits;
   limits.memory = 16 << 20U;
