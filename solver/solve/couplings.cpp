@@ -7,6 +7,9 @@
 namespace radbake {
 namespace {
 
+// Their noise is beside that of the link's visibility, times what the shooter varies by.
+constexpr int kRays = 8;
+
 /// Can what the node shoots be uneven? Not where nothing is reflected.
 bool MayBeUneven(const Hierarchy& hierarchy, Index node) {
   return IsElement(node) && !hierarchy.IsSky(node) && (hierarchy.PatchOf(node).reflectance > 0).any();
@@ -14,7 +17,8 @@ bool MayBeUneven(const Hierarchy& hierarchy, Index node) {
 
 }  // namespace
 
-Couplings::Couplings(const Hierarchy& hierarchy, const Links& links, const Light& light)
+Couplings::Couplings(const Hierarchy& hierarchy, const Visibility& visibility, const Links& links,
+                     const Light& light)
     : count_(light.basis.count()) {
   if (count_ == 1) {
     return;
@@ -30,11 +34,22 @@ Couplings::Couplings(const Hierarchy& hierarchy, const Links& links, const Light
     const BasisEnd receiver(hierarchy, light.basis, element);
     const auto first = static_cast<std::size_t>(own.data() - links.all().data());
     for (std::size_t k = 0; k < own.size(); ++k) {
-      if (own[k].visibility > 0 && MayBeUneven(hierarchy, own[k].shooter)) {
-        const std::span<float> couplings = std::span(couplings_).subspan(size * (first + k), size);
-        CoupleShaped(receiver, BasisEnd(hierarchy, light.basis, own[k].shooter), count_, couplings);
-        for (float& coupling : couplings) {
-          coupling *= own[k].visibility;
+      const Link& link = own[k];
+      if (!(link.visibility > 0) || !MayBeUneven(hierarchy, link.shooter)) {
+        continue;
+      }
+      const std::span<float> couplings = std::span(couplings_).subspan(size * (first + k), size);
+      const BasisEnd shooter(hierarchy, light.basis, link.shooter);
+      CoupleShaped(receiver, shooter, count_, couplings);
+      for (float& coupling : couplings) {
+        coupling *= link.visibility;
+      }
+      if (!link.clear) {
+        const std::uint64_t key = Hash(~((static_cast<std::uint64_t>(element) << 32U) | link.shooter));
+        const BasisValues moments =
+            HiddenMoments(visibility, receiver, shooter, light.basis[link.shooter], key, kRays);
+        for (std::size_t j = 1; j < count_; ++j) {
+          couplings[j - 1] += link.form_factor * static_cast<float>(moments[j]);
         }
       }
     }

@@ -6,17 +6,19 @@
 
 #include "solver/hierarchy/light.h"
 #include "solver/refine/links.h"
+#include "solver/transport/visibility.h"
 
 namespace radbake {
 
 /// The couplings of each link between elements, but for what even light gives: of φ_1 … of the shooter with
 /// φ_0 … of the receiver, K × (K − 1) numbers a link. (How the form factor varies over a receiver is in its
 /// leaves' rows, at their own points: see Rows.) A partly occluded link carries all of them as dimmed as its
-/// mean. Nothing is held if K = 1, and links whose shooter is even couple with 0.
+/// mean, and on the whole what its hidden part makes of them (HiddenMoments). Nothing is held if K = 1, and
+/// links whose shooter is even couple with 0.
 class Couplings {
  public:
   /// The same bits on any number of threads.
-  Couplings(const Hierarchy& hierarchy, const Links& links, const Light& light);
+  Couplings(const Hierarchy& hierarchy, const Visibility& visibility, const Links& links, const Light& light);
 
   /// Coefficients of what the element gathers from uneven shooters, added to `gathered`. `shooting`: K an
   /// element.

@@ -146,7 +146,7 @@ class Solver {
                  Rows::BytesNeeded(hierarchy_, linker_.links(), solution_.light));
     const Rows rows(hierarchy_, linker_.links(), solution_.light);
     Count(rows);
-    const Couplings couplings(hierarchy_, linker_.links(), solution_.light);
+    const Couplings couplings(hierarchy_, visibility_, linker_.links(), solution_.light);
     RadiosityOperator radiosity_operator(hierarchy_, linker_.links(), rows, couplings, solution_.light);
     Iterate(radiosity_operator, tolerance);
   }
@@ -163,7 +163,7 @@ class Solver {
     const Rows elements(hierarchy_, linker_.links(), solution_.light);
     Count(elements);
     const Rows patches(hierarchy_, elements, PatchLevel(hierarchy_, patch_area));
-    const Couplings couplings(hierarchy_, linker_.links(), solution_.light);
+    const Couplings couplings(hierarchy_, visibility_, linker_.links(), solution_.light);
     RadiosityOperator on_patches(hierarchy_, linker_.links(), patches, couplings, solution_.light);
     Iterate(on_patches, options_.tolerance);
     const RadiosityOperator on_elements(hierarchy_, linker_.links(), elements, couplings, solution_.light);

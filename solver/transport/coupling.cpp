@@ -64,4 +64,34 @@ void CoupleShaped(const BasisEnd& receiver, const BasisEnd& shooter, std::size_t
   }
 }
 
+BasisValues HiddenMoments(const Visibility& visibility, const BasisEnd& receiver, const BasisEnd& shooter,
+                          const ElementBasis& basis, std::uint64_t key, int rays) {
+  RaysBetween between(visibility, receiver.seen.shape(), shooter.seen.shape());
+  if (between.empty()) {
+    return {};
+  }
+  QuasiRandom<4> random(key);
+  double all = 0;
+  double open = 0;
+  BasisValues all_moments{};
+  BasisValues open_moments{};
+  for (int k = 0; k < rays; ++k) {
+    const RaysBetween::Ray ray = between.Cast(random);
+    const BasisValues values = basis.At(ray.y);
+    all += ray.weight;
+    open += ray.open ? ray.weight : 0;
+    for (std::size_t j = 1; j < values.size(); ++j) {
+      all_moments[j] += ray.weight * values[j];
+      open_moments[j] += ray.open ? ray.weight * values[j] : 0;
+    }
+  }
+  BasisValues moments{};
+  if (open > 0 && open < all) {
+    for (std::size_t j = 1; j < moments.size(); ++j) {
+      moments[j] = (open_moments[j] - open / all * all_moments[j]) / all;
+    }
+  }
+  return moments;
+}
+
 }  // namespace radbake

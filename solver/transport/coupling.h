@@ -6,6 +6,7 @@
 
 #include "solver/hierarchy/basis.h"
 #include "solver/transport/seen_polygon.h"
+#include "solver/transport/visibility.h"
 
 namespace radbake {
 
@@ -45,5 +46,11 @@ BasisValues MomentsOver(const BasisEnd& element, const Function& f) {
 /// bounded where the two touch.
 void CoupleShaped(const BasisEnd& receiver, const BasisEnd& shooter, std::size_t count,
                   std::span<float> couplings);
+
+/// What visibility adds to T_0j beside its mean, as a share of the form factor: Cov(V, φ_j) over the pair by
+/// its kernel, by `rays` rays that `key` seeds. Of an uneven shooter that is hidden in part it makes a
+/// difference whether its bright or its dark part is. 0 for φ_0, and where all rays are blocked or none.
+BasisValues HiddenMoments(const Visibility& visibility, const BasisEnd& receiver, const BasisEnd& shooter,
+                          const ElementBasis& basis, std::uint64_t key, int rays);
 
 }  // namespace radbake

@@ -110,9 +110,8 @@ double Visibility::OpenShare(const Polygon& polygon, std::uint64_t key, int poin
 
 SampledVisibility Visibility::BetweenElements(const Polygon& a, const Polygon& b, double exchange_area,
                                               std::uint64_t key, int rays) const {
-  const Polygon front_a = ClipToFront(a, PlaneOf(b));
-  const Polygon front_b = ClipToFront(b, PlaneOf(a));
-  if (front_a.count == 0 || front_b.count == 0) {
+  RaysBetween between(*this, a, b);
+  if (between.empty()) {
     return {0, 0};
   }
   // Two halves of the rays, each a sum of kernel weights over all rays and over the open ones. Each has a
@@ -120,18 +119,11 @@ SampledVisibility Visibility::BetweenElements(const Polygon& a, const Polygon& b
   std::array<QuasiRandom<4>, 2> random = {QuasiRandom<4>(key), QuasiRandom<4>(Hash(key))};
   std::array<double, 2> all{};
   std::array<double, 2> open{};
-  RayBatch batch(*this);
-  const PointsOn on_a(front_a);
-  const PointsOn on_b(front_b);
   for (int k = 0; k < rays; ++k) {
     const std::size_t half = static_cast<std::size_t>(k) % 2;
-    const auto u = random[half].Next();
-    const Vec3 x = on_a(u[0], u[1]);
-    const Vec3 y = on_b(u[2], u[3]);
-    const double weight = std::max(0.0, (y - x).dot(a.normal)) * Kernel(x, y, b.normal);
-    ++batch.rays;
-    all[half] += weight;
-    open[half] += Blocked(x, a.patch, y, b.patch) ? 0 : weight;
+    const RaysBetween::Ray ray = between.Cast(random[half]);
+    all[half] += ray.weight;
+    open[half] += ray.open ? ray.weight : 0;
   }
   // The exact integral is a control variate: V = (open + c·(exact − all))/exact is unbiased for any c that
   // does not depend on the same rays. The best c is V itself, as the other rays see it; 1 where the polygons
@@ -140,8 +132,9 @@ SampledVisibility Visibility::BetweenElements(const Polygon& a, const Polygon& b
   SampledVisibility result;
   result.judged = all[0] > 0 ? open[0] / all[0] : 0;
   if (open[0] + open[1] > 0) {
-    const double c = Touching(front_a, front_b) ? 1 : result.judged;
-    const double share = Area(front_a) * Area(front_b) / (std::numbers::pi * exchange_area * (0.5 * rays));
+    const double c = Touching(between.a(), between.b()) ? 1 : result.judged;
+    const double share =
+        Area(between.a()) * Area(between.b()) / (std::numbers::pi * exchange_area * (0.5 * rays));
     // Above 1 by chance: cut there, what is hardly hidden would carry too little in the mean.
     constexpr double kMost = 2;
     result.carried = std::clamp(share * open[1] + c * (1 - share * all[1]), 0.0, kMost);
@@ -168,6 +161,23 @@ double Visibility::FromPoint(const Vec3& x, const Vec3& n, const Polygon& polygo
     open += Blocked(x, kNone, y, polygon.patch) ? 0 : weight;
   }
   return all > 0 ? open / all : 0;
+}
+
+RaysBetween::RaysBetween(const Visibility& visibility, const Polygon& a, const Polygon& b)
+    : visibility_(visibility),
+      front_a_(ClipToFront(a, PlaneOf(b))),
+      front_b_(ClipToFront(b, PlaneOf(a))),
+      on_a_(front_a_),
+      on_b_(front_b_),
+      batch_(visibility) {}
+
+RaysBetween::Ray RaysBetween::Cast(QuasiRandom<4>& random) {
+  const auto u = random.Next();
+  const Vec3 x = on_a_(u[0], u[1]);
+  const Vec3 y = on_b_(u[2], u[3]);
+  ++batch_.rays;
+  return {y, std::max(0.0, (y - x).dot(front_a_.normal)) * Kernel(x, y, front_b_.normal),
+          !visibility_.Blocked(x, front_a_.patch, y, front_b_.patch)};
 }
 
 RayCount Visibility::Counted() const {

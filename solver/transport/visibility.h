@@ -103,4 +103,33 @@ class RayBatch {
   const Visibility& visibility_;
 };
 
+/// Rays between the parts of two polygons that face one another. Both polygons must outlive it.
+class RaysBetween {
+ public:
+  RaysBetween(const Visibility& visibility, const Polygon& a, const Polygon& b);
+  RaysBetween(const RaysBetween&) = delete;
+  RaysBetween& operator=(const RaysBetween&) = delete;
+
+  /// Do they face one another nowhere? Then no ray may be cast.
+  bool empty() const { return front_a_.count == 0 || front_b_.count == 0; }
+  /// Of the parts that do.
+  const Polygon& a() const { return front_a_; }
+  const Polygon& b() const { return front_b_; }
+
+  struct Ray {
+    Vec3 y;         ///< its end on b
+    double weight;  ///< cos·cos/r² over uniform pairs of points
+    bool open;
+  };
+  Ray Cast(QuasiRandom<4>& random);
+
+ private:
+  const Visibility& visibility_;
+  Polygon front_a_;
+  Polygon front_b_;
+  PointsOn on_a_;
+  PointsOn on_b_;
+  RayBatch batch_;
+};
+
 }  // namespace radbake

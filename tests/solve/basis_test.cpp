@@ -329,7 +329,7 @@ struct OneLink {
   /// What the other plate's φ_j brings to the place `x` of the floor.
   double Brings(std::size_t j, const Vec3& x) const {
     const Rows rows(hierarchy, links, light);
-    const Couplings couplings(hierarchy, links, light);
+    const Couplings couplings(hierarchy, visibility, links, light);
     const RadiosityOperator radiosity_operator(hierarchy, links, rows, couplings, light);
     const auto count = static_cast<Eigen::Index>(light.basis.count());
     LeafValues radiosity = LeafValues::Zero(3, radiosity_operator.size());

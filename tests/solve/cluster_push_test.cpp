@@ -118,7 +118,7 @@ TEST(ClusterPush, LightDoesNotGrowBetweenPatchesThatFewRaysMet) {
                {{0, 0.5F}, {1, 0.5F}, {0, 0.5F}, {1, 0.5F}});
   Light& light = box.solution.light;
   const Rows rows(box.hierarchy, links, light);
-  const Couplings couplings(box.hierarchy, links, light);
+  const Couplings couplings(box.hierarchy, box.visibility, links, light);
   const RadiosityOperator radiosity_operator(box.hierarchy, links, rows, couplings, light);
   LeafValues left = LeafValues::Ones(3, radiosity_operator.size());
   for (int reflection = 0; reflection < 4; ++reflection) {

@@ -55,7 +55,8 @@ TEST(Krylov, TheResidualIsTrue) {
   SolveOptions options = Coarse(Refinement::kHierarchical, IterationMethod::kKrylov);
   SolvedScene solved(testing::ShadowRoom(), options);
   const Rows rows(solved.hierarchy, solved.solution.links, solved.solution.light);
-  const Couplings couplings(solved.hierarchy, solved.solution.links, solved.solution.light);
+  const Couplings couplings(solved.hierarchy, solved.visibility, solved.solution.links,
+                            solved.solution.light);
   const RadiosityOperator radiosity_operator(solved.hierarchy, solved.solution.links, rows, couplings,
                                              solved.solution.light);
   Light& light = solved.solution.light;
@@ -87,7 +88,7 @@ TEST(Krylov, LightDoesNotGrowWhereFormFactorsSumToMoreThanOneOverTheReflectance)
   Links links;
   links.Assign(too_open, solved.hierarchy.size(), 0);
   const Rows rows(solved.hierarchy, links, light);
-  const Couplings couplings(solved.hierarchy, links, light);
+  const Couplings couplings(solved.hierarchy, solved.visibility, links, light);
   RadiosityOperator radiosity_operator(solved.hierarchy, links, rows, couplings, light);
   EXPECT_FALSE(radiosity_operator.Grows(light));
   const auto soon = [](const Convergence& convergence) { return convergence.applications > 100; };

@@ -54,7 +54,7 @@ TEST_P(SolveMemory, IsWhatIsAllocated) {
   EXPECT_TRUE(IsTrue(rows.Bytes(), without_rows));
   if (GetParam() != BasisOrder::kConstant) {
     const std::size_t without_couplings = Allocated();
-    const Couplings couplings(hierarchy, solution.links, solution.light);
+    const Couplings couplings(hierarchy, visibility, solution.links, solution.light);
     EXPECT_TRUE(IsTrue(couplings.Bytes(), without_couplings));
   }
 }

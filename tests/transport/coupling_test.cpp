@@ -108,5 +108,84 @@ TEST(BasisCouplings, OfTouchingPlatesKeepTheirEnergyAndAreBounded) {
   }
 }
 
+/// The floor plate, a plate above it, and right below the low-x half of that one something that hides it.
+struct HalfHidden {
+  HalfHidden() {
+    const std::array<Vec3, 4> shooter = CeilingPlate(1);
+    Scene scene;
+    const Index material = testing::AddMaterial(scene, 0.5, 1);
+    for (const auto& plate : {kFloorPlate, shooter}) {
+      testing::AddQuad(scene, material, plate[0], plate[1], plate[2], plate[3]);
+    }
+    constexpr double kHeight = 0.9999;
+    testing::AddQuad(scene, material, Vec3(0.2, kHeight, -1), Vec3(0.8, kHeight, -1), Vec3(0.8, kHeight, 2),
+                     Vec3(0.2, kHeight, 2));
+    patches = CutIntoPatches(scene);
+  }
+  Patches patches;
+};
+
+TEST(HiddenMoments, AreTheCovarianceOfVisibilityWithTheShootersBasis) {
+  const HalfHidden scene;
+  const Visibility visibility(scene.patches);
+  const Hierarchy hierarchy(scene.patches);
+  for (const BasisOrder order : {BasisOrder::kLinear, BasisOrder::kQuadratic}) {
+    Basis basis(order);
+    basis.Extend(hierarchy);
+    const BasisEnd receiver(hierarchy, basis, 0);
+    const BasisEnd shooter(hierarchy, basis, 1);
+    constexpr int kKeys = 4000;
+    constexpr int kRays = 8;
+    BasisValues found{};
+    for (std::uint64_t key = 0; key < kKeys; ++key) {
+      const BasisValues moments = HiddenMoments(visibility, receiver, shooter, basis[1], Hash(key), kRays);
+      for (std::size_t j = 0; j < moments.size(); ++j) {
+        found[j] += moments[j] / kKeys;
+      }
+    }
+    // By the closed form of what each place of the shooter sees of the floor.
+    const Polygon from = shooter.seen.shape();
+    const Polygon hiding = hierarchy.Shape(2);
+    double edge = hiding[0].x();
+    for (int k = 1; k < hiding.count; ++k) {
+      edge = std::max(edge, hiding[k].x());
+    }
+    BasisValues all{};
+    BasisValues open{};
+    constexpr int kSteps = 200;
+    for (int s = 0; s < kSteps; ++s) {
+      for (int t = 0; t < kSteps; ++t) {
+        const Vec3 y =
+            from[0] + (s + 0.5) / kSteps * (from[1] - from[0]) + (t + 0.5) / kSteps * (from[3] - from[0]);
+        const double seen = PointToPolygon(y, from.normal, receiver.seen.shape());
+        const BasisValues values = basis.At(1, y);
+        const bool is_open = y.x() > edge;
+        for (std::size_t j = 0; j < values.size(); ++j) {
+          all[j] += seen * values[j];
+          open[j] += is_open ? seen * values[j] : 0;
+        }
+      }
+    }
+    EXPECT_EQ(found[0], 0);
+    double largest = 0;
+    for (std::size_t j = 1; j < basis.count(); ++j) {
+      const double expected = (open[j] - open[0] / all[0] * all[j]) / all[0];
+      largest = std::max(largest, std::abs(expected));
+      EXPECT_NEAR(found[j], expected, 0.015) << static_cast<int>(order) << " " << j;
+    }
+    EXPECT_GT(largest, 0.3);
+  }
+}
+
+TEST(HiddenMoments, AreNoneWhereNothingIsInBetween) {
+  const PlatePair pair(kFloorPlate, CeilingPlate(1), BasisOrder::kLinear);
+  const Visibility visibility(pair.patches);
+  const BasisEnd receiver(*pair.hierarchy, pair.basis, 0);
+  const BasisEnd shooter(*pair.hierarchy, pair.basis, 1);
+  for (const double moment : HiddenMoments(visibility, receiver, shooter, pair.basis[1], 1, 8)) {
+    EXPECT_EQ(moment, 0);
+  }
+}
+
 }  // namespace
 }  // namespace radbake
