@@ -8,7 +8,7 @@ namespace radbake {
 namespace {
 
 // Their noise is beside that of the link's visibility, times what the shooter varies by.
-constexpr int kRays = 8;
+constexpr int kHiddenRays = 8;
 
 /// Can what the node shoots be uneven? Not where nothing is reflected.
 bool MayBeUneven(const Hierarchy& hierarchy, Index node) {
@@ -47,7 +47,7 @@ Couplings::Couplings(const Hierarchy& hierarchy, const Visibility& visibility, c
       if (!link.clear) {
         const std::uint64_t key = Hash(~((static_cast<std::uint64_t>(element) << 32U) | link.shooter));
         const BasisValues moments =
-            HiddenMoments(visibility, receiver, shooter, light.basis[link.shooter], key, kRays);
+            HiddenMoments(visibility, receiver, shooter, light.basis[link.shooter], key, kHiddenRays);
         for (std::size_t j = 1; j < count_; ++j) {
           couplings[j - 1] += link.form_factor * static_cast<float>(moments[j]);
         }
