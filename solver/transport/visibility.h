@@ -103,7 +103,7 @@ class RayBatch {
   const Visibility& visibility_;
 };
 
-/// Rays between the parts of two polygons that face one another. Both polygons must outlive it.
+/// Rays between the parts of two polygons that face one another, counted when it ends.
 class RaysBetween {
  public:
   RaysBetween(const Visibility& visibility, const Polygon& a, const Polygon& b);
